@@ -41,7 +41,9 @@ pub(super) fn assign_groups(
         let recipe = recipes
             .get(group.recipe)
             .context("a leased group names a recipe that the lease does not have")?;
-        let trainee = trainees.get(&group.task).with_context(|| format!("nobody trains {}", group.task))?;
+        let trainee = trainees
+            .get(&group.task)
+            .with_context(|| format!("the demo has no learner for the task {}", group.task))?;
         let members = trainee.members();
         ensure!(
             group.episodes.len() == members.len(),
