@@ -123,7 +123,7 @@ impl GroupRecord {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use api_types::TrajectoryGroup;
     use llm::{Message, Role, TokenDetails};
     use serde_json::{json, to_value};
@@ -163,7 +163,7 @@ mod tests {
     }
 
     /// Group in which every optional field is present.
-    fn group_with_all_fields() -> GroupRecord {
+    pub(in crate::rollouts) fn group_with_all_fields() -> GroupRecord {
         let episode = EpisodeRecord {
             id: "ep_1-abcdef_0".to_owned(),
             score: 0.5,

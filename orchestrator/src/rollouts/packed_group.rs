@@ -64,16 +64,17 @@ pub fn unpack(body: &[u8], bytes: usize) -> Result<Vec<u8>, PackError> {
 
 #[cfg(test)]
 mod tests {
-    use api_types::{GroupRole, ScenarioBracket};
     use serde_json::Value;
     use serde_json::value::RawValue;
 
     use super::*;
-    use crate::rollouts::group_record::{EpisodeRecord, StepRecord};
+    use crate::rollouts::group_record::StepRecord;
+    use crate::rollouts::group_record::tests::group_with_all_fields;
 
+    /// Group of one step whose observation has `observation` bytes of text.
     fn group(observation: usize) -> GroupRecord {
-        let step = |size: usize| StepRecord {
-            observation: RawValue::from_string(format!("\"{}\"", "x".repeat(size))).ok(),
+        let step = StepRecord {
+            observation: RawValue::from_string(format!("\"{}\"", "x".repeat(observation))).ok(),
             action: None,
             reward: 0.5,
             agents: Vec::new(),
@@ -81,42 +82,9 @@ mod tests {
             error: None,
             completions: None,
         };
-        GroupRecord {
-            run: "r".to_owned(),
-            lease: "1-abcdef".to_owned(),
-            group: 0,
-            task: "kessler/survival".to_owned(),
-            level: Some(1),
-            role: GroupRole::Frontier,
-            layout: None,
-            recipe: Value::Null,
-            seed: 1,
-            scenario: "s".to_owned(),
-            contested: true,
-            bracket: ScenarioBracket {
-                planner_version: 1,
-                floor: 0.1,
-                hold: 0.1,
-                reference: 0.9,
-                panel_successes: 1,
-                panel_size: 16,
-            },
-            policy: "hold".to_owned(),
-            policy_version: 0,
-            observations: ObservationContent::Telemetry,
-            messages: MessageContent::None,
-            failed: 0,
-            episodes: vec![EpisodeRecord {
-                id: "ep_1-abcdef_0".to_owned(),
-                score: 0.5,
-                skill: None,
-                success: false,
-                stopped: None,
-                metrics: None,
-                steps: vec![step(observation)],
-                last_observation: None,
-            }],
-        }
+        let mut group = group_with_all_fields();
+        group.episodes[0].steps = vec![step];
+        group
     }
 
     #[test]
