@@ -10,7 +10,7 @@
 --   the episodes g · group_size to (g + 1) · group_size − 1.
 -- * Only the writer of the server writes. A comment that names a worker says which part of the server requests the change.
 --
--- A change of this schema is a new file. An older database is copied before it is changed (orchestrator/src/store/backup.rs).
+-- A change of this schema is a new file. The server copies an older database before it changes it.
 
 
 -- Runs and curricula --------------------------------------------------------------------------------------------------------

@@ -6,10 +6,10 @@ use std::process::ExitCode;
 
 use anyhow::bail;
 use serde::Serialize;
+use store::step_verdicts::{self, StepScores};
 
 use super::output::{self, Format};
 use orchestrator::judging::agreement::{Agreement, Band, ScorePair};
-use orchestrator::store::step_verdicts::{self, StepScores};
 
 /// Measure how well a judging language model agrees with the deterministic judge.
 #[derive(Debug, clap::Args)]
@@ -79,7 +79,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let rows = runtime.block_on(async {
-        let readers = orchestrator::store::open_current_readers(&args.db).await?;
+        let readers = store::open_current_readers(&args.db).await?;
         let mut connection = readers.acquire().await?;
         anyhow::Ok(step_verdicts::scores(&mut connection, args.run.as_deref()).await?)
     })?;

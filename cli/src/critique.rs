@@ -195,7 +195,7 @@ impl CritiqueReport {
         json!({
             "scenario_id": self.scenario.id().to_string(),
             "task": self.scenario.task().id(),
-            "outcome": orchestrator::store::brackets::StoredOutcome::from(self.flown),
+            "outcome": store::brackets::StoredOutcome::from(self.flown),
             "skill": self.skill(),
             "success": self.success(),
             "floor": self.bracket.as_ref().map(|b| b.floor),

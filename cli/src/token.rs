@@ -4,17 +4,18 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context, bail, ensure};
-use clap::Subcommand;
+use clap::{Subcommand, ValueEnum};
 use jiff::{SignedDuration, Span};
 use sqlx::SqliteConnection;
+use store::audit_log::{self, AuditRing, AuditRow};
+use store::role::Role;
+use store::tokens::{self, NewToken};
+use store::{DatabaseLock, OpenError, transactions};
 
 use super::db::{DatabaseArgs, open_readers};
 use super::output;
 use orchestrator::clock::{Clock, Millis, rfc3339};
-use orchestrator::store::audit_log::{self, AuditRing, AuditRow};
-use orchestrator::store::tokens::{self, NewToken};
-use orchestrator::store::{self, DatabaseLock, OpenError, transactions};
-use orchestrator::tokens::{Role, Token};
+use orchestrator::tokens::Token;
 
 /// Create, list and revoke the access tokens of a server.
 #[derive(Debug, clap::Args)]
@@ -47,7 +48,7 @@ enum Command {
         name: String,
         /// Role of the token, which sets its permissions
         #[arg(long, value_enum)]
-        role: Role,
+        role: RoleArg,
         /// Lifetime of the token, such as `90d`, `12h` or `2 weeks`, or `never`
         #[arg(long, default_value = "90d", value_name = "TIME", value_parser = parse_lifetime, allow_hyphen_values = true)]
         expires: TokenLifetime,
@@ -59,6 +60,27 @@ enum Command {
         /// Number of the token, which is also part of the token itself
         id: i64,
     },
+}
+
+/// Role on the command line.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum RoleArg {
+    /// Reads: runs, mastery, episodes, events, metrics
+    Viewer,
+    /// Trains: creates runs, leases, reports, flies
+    Trainer,
+    /// Steers: pauses runs, sets what they keep, asks designers, reads the audit log
+    Admin,
+}
+
+impl From<RoleArg> for Role {
+    fn from(role: RoleArg) -> Self {
+        match role {
+            RoleArg::Viewer => Self::Viewer,
+            RoleArg::Trainer => Self::Trainer,
+            RoleArg::Admin => Self::Admin,
+        }
+    }
 }
 
 /// Lifetime of a token.
@@ -97,7 +119,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
                 if !db.exists() {
                     tracing::info!(db = %db.display(), "The database does not exist yet; it is created.");
                 }
-                create(&mut open(db).await?, name, *role, now, *expires).await
+                create(&mut open(db).await?, name, Role::from(*role), now, *expires).await
             }
             Command::List => list(&mut *open_readers(db).await?.acquire().await?, now).await,
             Command::Revoke { id } => {

@@ -4,18 +4,26 @@
 
 use api_types as api;
 
-use crate::store::{
+use store::{
     columns, curriculum, design_requests, episodes, evaluations, events, groups, layouts, leases,
     run_warnings, runs,
 };
 
-/// Implements `From` between two enums whose variants have the same names.
+/// Conversion between an enum of the store and the enum of the API that has the same variants.
+///
+/// A trait of this crate, because `From` cannot be implemented here for types of two other crates.
+pub(crate) trait ConvertEnum<To> {
+    /// The variant of the other enum with the same name.
+    fn convert(self) -> To;
+}
+
+/// Implements [`ConvertEnum`] between two enums whose variants have the same names.
 macro_rules! convert_enum {
     ($from:ty => $to:ty { $($variant:ident),+ $(,)? }) => {
-        impl From<$from> for $to {
-            fn from(value: $from) -> Self {
-                match value {
-                    $(<$from>::$variant => Self::$variant,)+
+        impl ConvertEnum<$to> for $from {
+            fn convert(self) -> $to {
+                match self {
+                    $(Self::$variant => <$to>::$variant,)+
                 }
             }
         }

@@ -5,9 +5,7 @@ use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::{Duration, Instant};
 
 use parking_lot::Mutex;
-
-/// Milliseconds since 1970-01-01 UTC, or a duration in milliseconds.
-pub type Millis = i64;
+pub use store::Millis;
 
 /// If the system time and the processor's clock drift apart by more than this between two reads, milliseconds, the system time has
 /// jumped: a user set it, or the machine slept.

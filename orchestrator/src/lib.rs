@@ -4,7 +4,7 @@
 //!
 //! - [`http`] parses requests, [`queries`] are its read models, [`input`] reads JSON strictly.
 //! - Use cases: [`runs`], [`leases`], [`results`], [`critiques`], [`designs`], [`rollouts`], [`evaluation`], [`retention`].
-//! - [`engine`] is the only writer of the database and holds the state of runs; [`store`] has all SQL.
+//! - [`engine`] is the only writer of the database and holds the state of runs; the crate `store` has all SQL.
 //! - [`workers`] run in the background.
 //! - [`limits`] bound what clients may use.
 //! - [`sessions`] run environments on the server; [`judging`] judges their steps, [`policy`] lets a language model act.
@@ -19,7 +19,6 @@ pub mod engine;
 pub mod evaluation;
 pub mod frames;
 pub mod http;
-pub mod ids;
 pub mod input;
 pub mod judging;
 pub mod leases;
@@ -33,7 +32,6 @@ pub mod rollouts;
 pub mod runs;
 pub mod service;
 pub mod sessions;
-pub mod store;
 pub mod threads;
 pub mod tokens;
 pub mod workers;

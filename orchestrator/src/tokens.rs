@@ -1,25 +1,9 @@
-//! Access tokens as clients send them, and their roles. The server stores only a hash of each token.
+//! Access tokens as clients send them. The server stores only a hash of each token.
 
 use std::borrow::Cow;
 
 use rand::TryRng;
 use secrecy::{ExposeSecret, SecretString};
-use utoipa::ToSchema;
-
-use crate::store::text_enum;
-
-text_enum! {
-    /// Rights of a token. Each role includes the rights of the roles before it.
-    #[derive(ToSchema, clap::ValueEnum)]
-    pub enum Role: "a token's role" {
-        /// Reads: runs, mastery, episodes, events, metrics.
-        Viewer = "viewer",
-        /// Trains: creates runs, leases, reports, flies.
-        Trainer = "trainer",
-        /// Steers: pauses runs, sets what they keep, asks designers, reads the audit log.
-        Admin = "admin",
-    }
-}
 
 /// First characters of a token, by which programs that search for secrets recognise it.
 const PREFIX: &str = "sparring_";

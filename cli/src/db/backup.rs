@@ -7,7 +7,6 @@ use anyhow::{Context, bail};
 
 use super::super::output;
 use super::{format_bytes, open_readers};
-use orchestrator::store;
 
 /// Copy a database to a new file, also while a server uses it.
 #[derive(Debug, clap::Args)]

@@ -5,16 +5,16 @@ use std::process::ExitCode;
 
 use env_core::rollout::replay;
 use sqlx::SqliteConnection;
+use store::columns::ClaimState;
+use store::episodes::{self, EpisodeState};
+use store::integrity::{self, CountedTwice, ScoredEpisode};
+use store::keys::EpisodeKey;
+use store::scenarios::ScenarioLoader;
+use store::{OpenError, compacted_leases, groups, leases};
 
 use super::super::output;
 use super::open_readers;
 use orchestrator::engine::run_state::RunState;
-use orchestrator::store::columns::ClaimState;
-use orchestrator::store::episodes::{self, EpisodeState};
-use orchestrator::store::integrity::{self, CountedTwice, ScoredEpisode};
-use orchestrator::store::keys::EpisodeKey;
-use orchestrator::store::scenarios::ScenarioLoader;
-use orchestrator::store::{OpenError, compacted_leases, groups, leases};
 
 /// Check that a database is intact and consistent.
 ///

@@ -7,12 +7,12 @@ use std::process::ExitCode;
 use anyhow::{Context, bail};
 use serde::Serialize;
 use sqlx::SqliteConnection;
+use store::layouts::{self, LayoutFilter};
+use store::scenarios::ScenarioLoader;
+use store::{compacted_leases, curriculum, episodes, groups, leases, runs};
 
 use super::lines::{self, ExportLine};
 use super::open_readers;
-use orchestrator::store::layouts::{self, LayoutFilter};
-use orchestrator::store::scenarios::ScenarioLoader;
-use orchestrator::store::{compacted_leases, curriculum, episodes, groups, leases, runs};
 
 /// Export a database as JSON lines (NDJSON), each with its kind: run, move, layout, claim or episode.
 #[derive(Debug, clap::Args)]
@@ -166,7 +166,7 @@ async fn write_leases(
         let Some(last) = page.last() else { break };
         after = last.id;
         for lease in page {
-            let claim = orchestrator::store::columns::claim(conn, lease.id).await?;
+            let claim = store::columns::claim(conn, lease.id).await?;
             if let Some(claim) = claim {
                 let claim = lines::ExportedClaim {
                     state: claim.state,

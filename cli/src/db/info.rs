@@ -4,11 +4,11 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use serde::Serialize;
+use store::integrity::{self, DatabaseSize, RunSize};
 
 use super::super::output::{self, Format};
 use super::{format_bytes, open_readers};
 use orchestrator::clock::rfc3339;
-use orchestrator::store::integrity::{self, DatabaseSize, RunSize};
 
 /// Show the size of a database by table, and the contents of each run.
 #[derive(Debug, clap::Args)]

@@ -1,24 +1,22 @@
 //! Records of an export, one per line.
 
 use env_core::{ActionLog, Scenario};
-use orchestrator::store::layouts::{LayoutClaim, LayoutState, RetirementReason};
 use serde::Serialize;
 use serde_json::{Value, json};
+use store::layouts::{LayoutClaim, LayoutState, RetirementReason};
 
 use orchestrator::clock::rfc3339;
 use orchestrator::frames::wire_step;
-use orchestrator::ids::{EpisodeId, LayoutId};
-use orchestrator::store::columns::ClaimState;
-use orchestrator::store::compacted_leases::{
-    CompactedClaim, CompactedEpisode, CompactedGroup, CompactedLease,
-};
-use orchestrator::store::curriculum::{LevelMoveKind, LevelMoveRow};
-use orchestrator::store::episodes::{EpisodeRow, EpisodeState};
-use orchestrator::store::groups::{GroupRole, GroupRow};
-use orchestrator::store::layouts::LayoutRow;
-use orchestrator::store::leases::{LeaseRow, Purpose};
-use orchestrator::store::runs::{RunRow, RunStatus};
-use orchestrator::store::{StoreError, from_json};
+use store::columns::ClaimState;
+use store::compacted_leases::{CompactedClaim, CompactedEpisode, CompactedGroup, CompactedLease};
+use store::curriculum::{LevelMoveKind, LevelMoveRow};
+use store::episodes::{EpisodeRow, EpisodeState};
+use store::groups::{GroupRole, GroupRow};
+use store::ids::{EpisodeId, LayoutId};
+use store::layouts::LayoutRow;
+use store::leases::{LeaseRow, Purpose};
+use store::runs::{RunRow, RunStatus};
+use store::{StoreError, from_json};
 
 /// Record of an export, tagged by its kind.
 #[derive(Debug, Serialize)]

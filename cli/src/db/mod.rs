@@ -15,8 +15,6 @@ use anyhow::{Context, ensure};
 use clap::Subcommand;
 use sqlx::SqlitePool;
 
-use orchestrator::store;
-
 /// Inspect, check, back up, compact or export a database.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\

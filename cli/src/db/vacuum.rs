@@ -3,9 +3,10 @@
 use std::path::Path;
 use std::process::ExitCode;
 
+use store::DatabaseLock;
+
 use super::super::output;
 use super::{format_bytes, open_readers};
-use orchestrator::store::{self, DatabaseLock};
 
 /// Return free pages of the database file to the file system.
 ///

@@ -13,14 +13,14 @@ use orchestrator::engine::task_history::mastery_samples;
 use orchestrator::evaluation::read;
 use orchestrator::queries::current_mastery::update_last_points;
 use orchestrator::queries::run_progress::RunProgress;
-use orchestrator::store::curriculum::{self, LevelMoveRow};
-use orchestrator::store::evaluations::{self, EvaluationRow, EvaluationState};
-use orchestrator::store::failures::{self, FailureCell};
-use orchestrator::store::history::{self, HistoryPoint, HistoryWindow};
-use orchestrator::store::layouts::{self, LayoutFilter, LayoutRow};
-use orchestrator::store::overview;
-use orchestrator::store::runs::{self, RunRow};
-use orchestrator::store::task_counters::TaskCounters;
+use store::curriculum::{self, LevelMoveRow};
+use store::evaluations::{self, EvaluationRow, EvaluationState};
+use store::failures::{self, FailureCell};
+use store::history::{self, HistoryPoint, HistoryWindow};
+use store::layouts::{self, LayoutFilter, LayoutRow};
+use store::overview;
+use store::runs::{self, RunRow};
+use store::task_counters::TaskCounters;
 
 /// Number of points of a curve.
 const CURVE_POINTS: i64 = 240;

@@ -11,11 +11,11 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context;
+use store::ids::RunId;
 
 use super::db::{DatabaseArgs, open_readers};
 use super::output;
 use orchestrator::clock::Clock;
-use orchestrator::ids::RunId;
 
 /// Write the report of a run as one self-contained HTML file.
 ///

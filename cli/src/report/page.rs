@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use api_types::Estimate;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use orchestrator::clock::{Millis, rfc3339};
-use orchestrator::store::curriculum::LevelMoveKind;
-use orchestrator::store::from_json;
-use orchestrator::store::history::{HistoryBucket, HistoryPoint};
 use serde_json::Value;
+use store::curriculum::LevelMoveKind;
+use store::from_json;
+use store::history::{HistoryBucket, HistoryPoint};
 
 use super::chart::{BLUE, Chart, Curve, GREEN, Interval, LevelMark, MAUVE, ORANGE};
 use super::gather::{EvaluationResult, RunReport, TaskReport};

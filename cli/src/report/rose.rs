@@ -3,7 +3,7 @@
 use env_core::critique::{BEARING_SECTORS, SpeedBands};
 use maud::{Markup, html};
 
-use orchestrator::store::failures::{EncounterBin, FailureCell};
+use store::failures::{EncounterBin, FailureCell};
 
 const SIZE: f64 = 240.0;
 /// Width reserved for the label on the right.

@@ -4,13 +4,13 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use env_core::{ActionLog, Scenario};
 use sqlx::SqliteConnection;
+use store::critiques::CritiqueJob;
+use store::groups::{self, GroupRow};
+use store::keys::{EpisodeKey, GroupKey};
+use store::scenarios::{LoadedScenarios, ScenarioLoader};
+use store::{StoreError, episodes};
 
 use crate::critiques::sampling;
-use crate::store::critiques::CritiqueJob;
-use crate::store::groups::{self, GroupRow};
-use crate::store::keys::{EpisodeKey, GroupKey};
-use crate::store::scenarios::{LoadedScenarios, ScenarioLoader};
-use crate::store::{StoreError, episodes};
 
 /// Episodes criticised together: enough to share a commit, and few enough that little is repeated after a crash.
 const MAX_EPISODES: usize = 64;

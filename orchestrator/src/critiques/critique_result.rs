@@ -1,7 +1,8 @@
 //! Results of critique jobs.
 
+use store::critiques::CritiqueJob;
+
 use crate::critiques::profile::EpisodeFindings;
-use crate::store::critiques::CritiqueJob;
 
 /// Result of a critique job.
 #[derive(Debug)]

@@ -5,11 +5,11 @@
 //! row has to be updated only because time passes.
 
 use env_core::critique::{Critique, SpeedBands, Verdict, bearing_sector};
+use store::critiques::{CritiqueCounters, DecayingSum};
+use store::failure_sectors::InertialSectorRow;
+use store::failures::{CellCounters, CellKey, EncounterBin};
 
 use crate::clock::Millis;
-use crate::store::critiques::{CritiqueCounters, DecayingSum};
-use crate::store::failure_sectors::InertialSectorRow;
-use crate::store::failures::{CellCounters, CellKey, EncounterBin};
 
 /// Criticised episodes of a task after which a failure weighs half.
 pub const HALF_LIFE: f64 = 2000.0;

@@ -3,15 +3,15 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use sqlx::SqliteConnection;
+use store::StoreError;
+use store::critiques::{self, CritiqueCounters};
+use store::failure_sectors::{self, InertialSectorRow};
+use store::failures::{self, CellCounters, CellKey, EXAMPLES_PER_CELL, FailureExample};
+use store::keys::EpisodeKey;
 
 use crate::clock::Millis;
 use crate::critiques::critique_result::CritiqueResult;
 use crate::critiques::profile::{self, FailureFinding};
-use crate::store::StoreError;
-use crate::store::critiques::{self, CritiqueCounters};
-use crate::store::failure_sectors::{self, InertialSectorRow};
-use crate::store::failures::{self, CellCounters, CellKey, EXAMPLES_PER_CELL, FailureExample};
-use crate::store::keys::EpisodeKey;
 
 /// The failure profile of a run's task, as it is stored.
 #[derive(Debug, Default)]

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use sqlx::SqliteConnection;
+use store::{StoreError, critiques, layout_outcomes};
 
 use crate::critiques::critique_result::CritiqueResult;
 use crate::critiques::profile_cache::ProfileCache;
@@ -10,7 +11,6 @@ use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::write_tx::WriteTx;
-use crate::store::{StoreError, critiques, layout_outcomes};
 
 /// Stores the results of critique jobs. A job that is no longer in the queue was stored before, and is ignored.
 #[derive(Debug)]

@@ -7,6 +7,10 @@ use api_types::RunRequest;
 use env_core::critique::{Judgement, SpeedBands};
 use env_core::{ActionLog, SeedSpace, rollout};
 use proptest::prelude::*;
+use store::critiques::{self, CritiqueCounters, CritiqueJob, NewCritiqueJob};
+use store::failure_sectors::{self, InertialSectorRow};
+use store::failures::{self, CellCounters, CellKey, EncounterBin, FailureCursor, FailureFilter};
+use store::leases::{self, LeaseForm, LeaseRow, LeaseStatus, Purpose};
 
 use crate::clock::Clock;
 use crate::critiques::criticise::criticise;
@@ -21,10 +25,6 @@ use crate::engine::write_tx::WriteTx;
 use crate::engine::writer::Writer;
 use crate::leases::seeds::seed_of;
 use crate::runs::create_run::CreateRun;
-use crate::store::critiques::{self, CritiqueCounters, CritiqueJob, NewCritiqueJob};
-use crate::store::failure_sectors::{self, InertialSectorRow};
-use crate::store::failures::{self, CellCounters, CellKey, EncounterBin, FailureCursor, FailureFilter};
-use crate::store::leases::{self, LeaseForm, LeaseRow, LeaseStatus, Purpose};
 
 const RUN: &str = "run";
 const TASK: &str = "kessler/survival";
@@ -102,7 +102,7 @@ impl Change for ReadExamples {
 }
 
 async fn open(db: &Path) -> Writer {
-    let connection = crate::store::open_writer(db).await.unwrap();
+    let connection = store::open_writer(db).await.unwrap();
     let (writer, _) = Writer::start(connection, None, Clock::manual(1_000).clock, WorkerSignals::default());
     let request =
         RunRequest { id: Some(RUN.to_owned()), tasks: Some(vec![TASK.to_owned()]), ..RunRequest::default() };

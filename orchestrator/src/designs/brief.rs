@@ -6,10 +6,10 @@ use designer::brief::{DesignBrief, LayoutOutcome, PastLayout};
 use env_core::Seed;
 use serde_json::Value;
 use sqlx::SqliteConnection;
+use store::layouts::{self, LayoutFilter, LayoutRow, LayoutState};
+use store::{StoreError, from_json, scenarios, to_u32};
 
 use crate::designs::start_design::StartedDesignRequest;
-use crate::store::layouts::{self, LayoutFilter, LayoutRow, LayoutState};
-use crate::store::{StoreError, from_json, scenarios, to_u32};
 
 /// Maximum number of earlier admitted layouts in a brief. Refused ones have a limit of their own, so that a bad round does not
 /// displace what worked.

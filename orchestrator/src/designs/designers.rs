@@ -6,7 +6,7 @@ use designer::procedural::ProceduralDesigner;
 use llm::{LlmClient, Spending};
 use serde_json::Value;
 
-use crate::store::design_requests::DesignerKind;
+use store::design_requests::DesignerKind;
 
 /// Creates designers for runs.
 pub trait Designers: std::fmt::Debug + Send + Sync {

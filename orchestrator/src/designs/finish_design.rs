@@ -6,19 +6,19 @@ use std::time::Duration;
 use designer::{DesignUsage, JudgedLayout};
 use serde_json::Value;
 use sqlx::SqliteConnection;
+use store::design_counters::{self, GateCount};
+use store::design_requests::{self, DesignRequestResult, RequestState};
+use store::ids::DesignRequestId;
+use store::layout_transitions::{self, LayoutTransition};
+use store::layouts::{self, LayoutClaim, LayoutState, NewLayout};
+use store::{StoreError, brackets, scenarios, to_i64};
 
 use crate::clock::Millis;
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::write_tx::WriteTx;
-use crate::ids::DesignRequestId;
 use crate::metrics;
-use crate::store::design_counters::{self, GateCount};
-use crate::store::design_requests::{self, DesignRequestResult, RequestState};
-use crate::store::layout_transitions::{self, LayoutTransition};
-use crate::store::layouts::{self, LayoutClaim, LayoutState, NewLayout};
-use crate::store::{StoreError, brackets, scenarios, to_i64};
 
 /// Maximum number of admitted, and of refused, layouts of a request that are stored; all are counted.
 const MAX_STORED_LAYOUTS: usize = 64;

@@ -1,7 +1,7 @@
 //! Status of layouts: when one retires and when it is put back, decided from its last outcomes alone.
 
-use crate::store::layout_transitions::LayoutTransition;
-use crate::store::layouts::{LayoutState, RetirementReason};
+use store::layout_transitions::LayoutTransition;
+use store::layouts::{LayoutState, RetirementReason};
 
 /// Number of outcomes in the window.
 pub const OUTCOME_WINDOW: usize = 16;

@@ -20,5 +20,5 @@ pub mod start_design;
 
 pub use self::designers::{BuiltInDesigners, Designers, DesignersWithModel};
 pub use self::settings::{DesignSettings, designer_kind};
-pub use crate::store::design_requests::DesignerKind;
 pub use api_types::DesignerChoice;
+pub use store::design_requests::DesignerKind;

@@ -2,6 +2,14 @@
 
 use env_core::bracket::MIN_GAP;
 use serde_json::Value;
+use store::episodes::{self, FinishedEpisode};
+use store::groups::GroupRow;
+use store::keys::EpisodeSpan;
+use store::layout_outcomes::{self, LayoutOutcome};
+use store::layout_transitions;
+use store::layouts::{self, LayoutClaim, LayoutRow};
+use store::leases::LeaseRow;
+use store::{StoreError, from_json, to_json, to_u32};
 
 use crate::designs::layout_status::{LayoutHistory, LayoutStatus};
 use crate::designs::serve::is_at_frontier;
@@ -9,14 +17,6 @@ use crate::engine::error::ServiceError;
 use crate::engine::run_tx::RunTx;
 use crate::results::observe::observe;
 use crate::runs::settings::RunSettings;
-use crate::store::episodes::{self, FinishedEpisode};
-use crate::store::groups::GroupRow;
-use crate::store::keys::EpisodeSpan;
-use crate::store::layout_outcomes::{self, LayoutOutcome};
-use crate::store::layout_transitions;
-use crate::store::layouts::{self, LayoutClaim, LayoutRow};
-use crate::store::leases::LeaseRow;
-use crate::store::{StoreError, from_json, to_json, to_u32};
 use curriculum::{GroupOutcome, LearningSignals, LevelMove, ProposalRole, ScenarioSource};
 
 /// Counts a closed designed group. A group with too few finished episodes, or with results of too old a policy, does not count for

@@ -3,11 +3,11 @@
 use designer::FailureProfile;
 use designer::profile::{FailureCell, ModeProfile, SectorWeight};
 use sqlx::SqliteConnection;
+use store::critiques::{self, CritiqueCounters};
+use store::failures::{self, CellCounters, CellKey};
+use store::{StoreError, failure_sectors, to_u32, to_u64};
 
 use crate::critiques::profile::{decay, total_weight};
-use crate::store::critiques::{self, CritiqueCounters};
-use crate::store::failures::{self, CellCounters, CellKey};
-use crate::store::{StoreError, failure_sectors, to_u32, to_u64};
 
 /// A cell with its current weight.
 #[derive(Debug, Clone, PartialEq)]

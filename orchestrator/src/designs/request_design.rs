@@ -2,6 +2,9 @@
 
 use designer::design_language;
 use sqlx::SqliteConnection;
+use store::design_queue;
+use store::design_requests::{self, DesignRequestRow, NewDesignRequest, RequestOrigin};
+use store::ids::{DesignRequestId, RunId};
 
 use crate::designs::demand::MAX_LAYOUTS_PER_REQUEST;
 use crate::designs::profile::CollectedProfile;
@@ -11,10 +14,7 @@ use crate::engine::error::ServiceError;
 use crate::engine::run_state::RunState;
 use crate::engine::signals::Signal;
 use crate::engine::write_tx::WriteTx;
-use crate::ids::{DesignRequestId, RunId};
 use crate::runs::validate::check_range;
-use crate::store::design_queue;
-use crate::store::design_requests::{self, DesignRequestRow, NewDesignRequest, RequestOrigin};
 
 /// Maximum number of unfinished requests of a run.
 const MAX_OPEN_REQUESTS: i64 = 16;

@@ -1,14 +1,14 @@
 //! Retires layouts and puts them back, on request of a user.
 
 use sqlx::SqliteConnection;
+use store::ids::{LayoutId, RunId};
+use store::layouts::{self, LayoutRow};
+use store::{layout_outcomes, layout_transitions, to_json};
 
 use crate::designs::layout_status::{LayoutHistory, LayoutStatus};
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
-use crate::ids::{LayoutId, RunId};
-use crate::store::layouts::{self, LayoutRow};
-use crate::store::{layout_outcomes, layout_transitions, to_json};
 
 /// Retires a layout for good, or puts it back with an empty outcome window. Repeating it has no effect.
 #[derive(Debug)]

@@ -7,15 +7,15 @@ use api_types::EvidenceFrom;
 use env_core::KeyedRng;
 use env_core::keyed_rng::RngPurpose;
 use sqlx::SqliteConnection;
+use store::design_counters::{self, LevelCount};
+use store::groups::{GroupRole, GroupRow, GroupState};
+use store::layouts::LayoutClaim;
+use store::servable_layouts::{self, ServableLayout};
+use store::{StoreError, to_u64};
 
 use crate::designs::DesignSettings;
 use crate::engine::run_state::RunState;
 use crate::runs::settings::RunSettings;
-use crate::store::design_counters::{self, LevelCount};
-use crate::store::groups::{GroupRole, GroupRow, GroupState};
-use crate::store::layouts::LayoutClaim;
-use crate::store::servable_layouts::{self, ServableLayout};
-use crate::store::{StoreError, to_u64};
 
 /// Share of designed groups that probe a retired layout, in case the agent has forgotten or learnt it.
 pub const PROBE_SHARE: f64 = 0.05;

@@ -7,6 +7,10 @@ use designer::{FailureProfile, design_language};
 use env_core::space::Levels;
 use env_core::{Recipe, ScenarioError};
 use sqlx::SqliteConnection;
+use store::design_requests::{
+    self, DesignRequestResult, NewDesignRequest, ProfileSnapshot, RequestOrigin, RequestState,
+};
+use store::{StoreError, design_counters, design_queue, from_json, to_json, to_u32};
 
 use crate::clock::Millis;
 use crate::designs::DesignerKind;
@@ -18,10 +22,6 @@ use crate::engine::error::ServiceError;
 use crate::engine::run_state::RunState;
 use crate::engine::run_tx::RunTx;
 use crate::engine::write_tx::WriteTx;
-use crate::store::design_requests::{
-    self, DesignRequestResult, NewDesignRequest, ProfileSnapshot, RequestOrigin, RequestState,
-};
-use crate::store::{StoreError, design_counters, design_queue, from_json, to_json, to_u32};
 use curriculum::TaskPlan;
 
 /// Number of finished requests of a run's task that are considered.

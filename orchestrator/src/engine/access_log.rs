@@ -1,10 +1,11 @@
 //! Stores the last use of tokens and the lines of the audit log.
 
+use store::audit_log::{self, AuditRing, AuditRow};
+use store::tokens;
+
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
-use crate::store::audit_log::{self, AuditRing, AuditRow};
-use crate::store::tokens;
 
 /// Stores that a token was used now.
 #[derive(Debug)]

@@ -1,8 +1,8 @@
 //! The error of every use case of the service.
 
-use crate::store::leases::LeaseStatus;
-use crate::store::{Outage, StoreError};
 use curriculum::{RestoreError, SettingsError};
+use store::leases::LeaseStatus;
+use store::{Outage, StoreError};
 
 /// Error of a use case.
 #[derive(Debug, thiserror::Error)]

@@ -1,18 +1,18 @@
 //! Events of a run, in commit order, as listeners of `/v1/runs/{run}/events` receive them.
 
 use serde::Serialize;
+use store::columns::ClaimState;
+use store::design_requests::DesignerKind;
+use store::events::{EventKind, NewEvent};
+use store::groups::{GroupRole, GroupRow, GroupState};
+use store::leases::{LeaseForm, LeaseRow, Purpose};
+use store::to_json;
 
 use crate::clock::Millis;
 use crate::engine::error::ServiceError;
 use crate::engine::outbox::Outbox;
 use crate::engine::run_state::move_kind;
 use crate::metrics::{self, LeaseEvent};
-use crate::store::columns::ClaimState;
-use crate::store::design_requests::DesignerKind;
-use crate::store::events::{EventKind, NewEvent};
-use crate::store::groups::{GroupRole, GroupRow, GroupState};
-use crate::store::leases::{LeaseForm, LeaseRow, Purpose};
-use crate::store::to_json;
 use curriculum::LevelMove;
 
 /// An event of a run; its fields are the body that listeners receive.

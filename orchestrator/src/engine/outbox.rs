@@ -3,15 +3,15 @@
 use std::collections::{BTreeMap, HashMap};
 
 use sqlx::SqliteConnection;
+use store::StoreError;
+use store::curriculum::{self, NewCurriculumEvent};
+use store::events::{self, NewEvent};
+use store::history::HistoryBucket;
 
 use crate::clock::Millis;
 use crate::engine::run_cache::RunCache;
 use crate::engine::signals::{Signal, WorkerSignals};
 use crate::engine::task_history::{HistoryWriter, TaskCounts};
-use crate::store::StoreError;
-use crate::store::curriculum::{self, NewCurriculumEvent};
-use crate::store::events::{self, NewEvent};
-use crate::store::history::HistoryBucket;
 
 /// Events of a run between two trims of its ring of kept events.
 const TRIM_EVERY: u32 = 1_000;

@@ -3,10 +3,10 @@
 use std::collections::HashMap;
 
 use sqlx::SqliteConnection;
+use store::curriculum::NewCurriculumEvent;
 
 use crate::engine::error::ServiceError;
 use crate::engine::run_state::RunState;
-use crate::store::curriculum::NewCurriculumEvent;
 
 /// Cache of run states, keyed by run id. It never holds a state that is ahead of what its transaction keeps: a failed change evicts
 /// the runs it touched.

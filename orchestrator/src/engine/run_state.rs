@@ -9,15 +9,15 @@ use crate::critiques::profile_cache::ProfileCache;
 use crate::engine::error::ServiceError;
 use crate::metrics;
 use crate::runs::settings::RunSettings;
-use crate::store::curriculum::{self, CurriculumRecord, LevelMoveKind, LevelMoveRow, NewCurriculumEvent};
-use crate::store::groups::GroupRole;
-use crate::store::proposals::{self, NewProposal};
-use crate::store::runs::{self, RunStatus};
-use crate::store::{StoreError, from_json, to_i64, to_json, to_u64};
 use ::curriculum::{
     Curriculum, CurriculumEvent, GroupOutcome, LevelMove, MoveKind, ObservedOutcome, ProposalRole,
     SequencedProposal, Settings, Snapshot,
 };
+use store::curriculum::{self, CurriculumRecord, LevelMoveKind, LevelMoveRow, NewCurriculumEvent};
+use store::groups::GroupRole;
+use store::proposals::{self, NewProposal};
+use store::runs::{self, RunStatus};
+use store::{StoreError, from_json, to_i64, to_json, to_u64};
 
 /// Curriculum events between two snapshots.
 const SNAPSHOT_INTERVAL: u64 = 1000;

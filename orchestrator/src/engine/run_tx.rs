@@ -1,13 +1,13 @@
 //! The part of a write transaction that belongs to one run.
 
 use sqlx::SqliteConnection;
+use store::history::HistoryBucket;
 
 use crate::clock::Millis;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::outbox::Outbox;
 use crate::engine::run_state::RunState;
-use crate::store::history::HistoryBucket;
 
 /// One run inside a write transaction: its state, the connection and the outbox, borrowed at the same time.
 #[derive(Debug)]

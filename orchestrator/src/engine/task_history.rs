@@ -3,12 +3,11 @@
 use std::collections::BTreeMap;
 
 use sqlx::SqliteConnection;
+use store::StoreError;
+use store::history::{self, HistoryBucket, MasterySample};
 
 use crate::clock::Millis;
 use crate::engine::run_state::RunState;
-use crate::store::StoreError;
-use crate::store::history::{self, HistoryBucket, MasterySample};
-use crate::store::task_counters::TaskCounters;
 use curriculum::{Mastery, TaskStatus};
 
 /// Interval between two samples of the mastery of a run's tasks, in milliseconds. Quantiles are slow to compute, and a busy run
@@ -46,23 +45,6 @@ impl TaskCounts {
     /// Returns the counts of each run, by task.
     pub(crate) fn into_runs(self) -> impl Iterator<Item = (String, BTreeMap<String, HistoryBucket>)> {
         self.0.into_iter()
-    }
-}
-
-impl HistoryBucket {
-    /// Counts episodes that were flown at a level.
-    pub(crate) fn add(&mut self, sums: &TaskCounters, level: Option<i64>) {
-        self.episodes += sums.episodes;
-        self.successes += sums.successes;
-        self.score_sum += sums.score_sum;
-        self.episodes_with_skill += sums.episodes_with_skill;
-        self.skill_sum += sums.skill_sum;
-        self.failed += sums.failed;
-        self.expired += sums.expired;
-        // Expired episodes alone do not extend the range of levels that were reported.
-        if sums.episodes + sums.failed > 0 {
-            self.add_level(level);
-        }
     }
 }
 

@@ -1,9 +1,10 @@
 //! Probes whether the writer can store changes, for `/readyz` and the metrics.
 
+use store::write_probe;
+
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
-use crate::store::write_probe;
 
 /// Writes a row, so that its answer says whether the writer can write. After a change that could not be stored it writes as much as
 /// a large change: a full disk may still have room for one row.
@@ -26,7 +27,7 @@ mod tests {
     use crate::clock::Clock;
     use crate::engine::signals::WorkerSignals;
     use crate::engine::writer::Writer;
-    use crate::store::{self, Outage};
+    use store::Outage;
 
     /// Writes a blob of this many bytes.
     struct WriteBlob(i64);

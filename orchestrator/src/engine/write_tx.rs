@@ -3,6 +3,8 @@
 use std::sync::Arc;
 
 use sqlx::SqliteConnection;
+use store::history::HistoryBucket;
+use store::{DatabaseLock, Outage, StoreError};
 
 use crate::clock::Millis;
 use crate::engine::error::ServiceError;
@@ -11,8 +13,6 @@ use crate::engine::outbox::Outbox;
 use crate::engine::run_cache::RunCache;
 use crate::engine::run_state::RunState;
 use crate::engine::run_tx::RunTx;
-use crate::store::history::HistoryBucket;
-use crate::store::{DatabaseLock, Outage, StoreError};
 
 /// A write transaction: the connection, the runs in memory and the effects that are left to the end of the transaction.
 ///

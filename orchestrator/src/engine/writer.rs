@@ -12,6 +12,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use sqlx::{Connection, SqliteConnection};
+use store::{DatabaseLock, Outage, StoreError, transactions};
 use tokio::runtime::Handle;
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
@@ -22,7 +23,6 @@ use crate::engine::error::ServiceError;
 use crate::engine::signals::WorkerSignals;
 use crate::engine::write_tx::WriteTx;
 use crate::metrics;
-use crate::store::{DatabaseLock, Outage, StoreError, transactions};
 
 /// Capacity of each queue of waiting work.
 const QUEUE_CAPACITY: usize = 1024;

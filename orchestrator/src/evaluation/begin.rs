@@ -1,17 +1,17 @@
 //! Starts evaluations of policies on suites.
 
 use api_types::EvaluationRequest;
+use store::evaluations::{self, EvaluationRow, EvaluationState};
+use store::ids::RunId;
+use store::{runs, to_i64, to_json};
 
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
 use crate::evaluation::suite::file::{self, LoadedSuite};
 use crate::evaluation::suite::{Suite, SuiteEntry};
-use crate::ids::RunId;
 use crate::runs::settings::MAX_GROUP_SIZE;
 use crate::runs::validate::check_range;
-use crate::store::evaluations::{self, EvaluationRow, EvaluationState};
-use crate::store::{runs, to_i64, to_json};
 
 /// Maximum length of a name, in characters.
 const MAX_NAME_CHARS: usize = 200;

@@ -1,9 +1,10 @@
 //! Cancels evaluations that are not complete.
 
+use store::evaluations::{self, EvaluationRow, EvaluationState};
+
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
-use crate::store::evaluations::{self, EvaluationRow, EvaluationState};
 
 /// Reason that is stored with a cancelled evaluation.
 const CANCELLED: &str = "it was cancelled";

@@ -5,6 +5,10 @@ use std::sync::Arc;
 use env_core::admission;
 use rayon::ThreadPool;
 use rayon::prelude::*;
+use store::evaluations::{self, EvaluationRow, EvaluationState};
+use store::groups::{self, GroupRole, GroupRow, GroupState};
+use store::leases::{self, LeaseRow};
+use store::to_u32;
 
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
@@ -17,10 +21,6 @@ use crate::leases::create::{CreateLease, GrantedLease};
 use crate::leases::prepare::PreparedScenario;
 use crate::leases::prepare::store_prepared::store_scenarios;
 use crate::metrics::LeaseEvent;
-use crate::store::evaluations::{self, EvaluationRow, EvaluationState};
-use crate::store::groups::{self, GroupRole, GroupRow, GroupState};
-use crate::store::leases::{self, LeaseRow};
-use crate::store::to_u32;
 
 /// Leases waiting scenarios of an evaluation: as many groups as requested, or as many as there are.
 ///

@@ -2,14 +2,14 @@
 
 use api_types::AcrossSeeds;
 use sqlx::SqliteConnection;
+use store::evaluations::{self, EntryEpisodes, EvaluationRow, EvaluationState};
+use store::{StoreError, from_json, to_u32, to_u64};
 
 use crate::engine::error::ServiceError;
 use crate::evaluation::report::ReportSettings;
 use crate::evaluation::seeds::estimate_across_seeds;
 use crate::evaluation::suite::file::{self, LoadedSuite};
 use crate::evaluation::{EvaluationReport, PolicyResults};
-use crate::store::evaluations::{self, EntryEpisodes, EvaluationRow, EvaluationState};
-use crate::store::{StoreError, from_json, to_u32, to_u64};
 
 /// Maximum number of evaluations on one side of a comparison.
 pub const MAX_SIDE_EVALUATIONS: usize = 100;

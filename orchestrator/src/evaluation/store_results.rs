@@ -1,5 +1,12 @@
 //! Stores the results of evaluations: groups that a trainer reported, and suites that the server rolled out.
 
+use store::brackets::StoredOutcome;
+use store::evaluations::{self, EvaluationEntry};
+use store::groups::{GroupRow, GroupState};
+use store::keys::EpisodeSpan;
+use store::leases::{LeaseRow, Purpose};
+use store::{StoreError, episodes, from_json, to_json};
+
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::run_tx::RunTx;
@@ -7,12 +14,6 @@ use crate::engine::write_tx::WriteTx;
 use crate::evaluation::results::{EpisodeMeasures, PolicyResults, measure_episode};
 use crate::evaluation::suite::SuiteEntry;
 use crate::evaluation::suite::file;
-use crate::store::brackets::StoredOutcome;
-use crate::store::evaluations::{self, EvaluationEntry};
-use crate::store::groups::{GroupRow, GroupState};
-use crate::store::keys::EpisodeSpan;
-use crate::store::leases::{LeaseRow, Purpose};
-use crate::store::{StoreError, episodes, from_json, to_json};
 
 /// Stores a group that a trainer reported, if it belongs to an evaluation. An incomplete group is offered again.
 pub(crate) async fn store_reported_group(

@@ -8,6 +8,7 @@ use axum::http::header;
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use metrics_exporter_prometheus::{Matcher, PrometheusBuilder, PrometheusHandle};
+use store::{critiques, integrity};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
@@ -15,7 +16,6 @@ use super::problem::Problem;
 use crate::http::state::AppState;
 use crate::metrics;
 use crate::queries::mastery_gauges::{MasteryGauge, MasteryGaugesQuery};
-use crate::store::{critiques, integrity};
 
 /// Buckets of durations in seconds, from a fast read to the request timeout.
 const DURATION_BUCKETS_S: [f64; 14] =

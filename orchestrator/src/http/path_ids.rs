@@ -3,9 +3,9 @@
 use std::str::FromStr;
 
 use axum::http::StatusCode;
+use store::ids::{InvalidId, RunId};
 
 use super::problem::Problem;
-use crate::ids::{InvalidId, RunId};
 
 /// Parses the id of a run in a path.
 ///

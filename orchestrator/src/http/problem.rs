@@ -219,8 +219,8 @@ impl From<LimitClosed> for Problem {
     }
 }
 
-impl From<crate::store::StoreError> for Problem {
-    fn from(error: crate::store::StoreError) -> Self {
+impl From<store::StoreError> for Problem {
+    fn from(error: store::StoreError) -> Self {
         ServiceError::from(error).into()
     }
 }

@@ -3,13 +3,13 @@
 use env_core::TaskSpec;
 use sqlx::pool::PoolConnection;
 use sqlx::{Sqlite, SqliteConnection};
+use store::ids::RunId;
+use store::{from_json, runs};
 
 use super::problem::Problem;
 use super::state::AppState;
 use crate::engine::error::ServiceError;
-use crate::ids::RunId;
 use crate::runs::settings::RunSettings;
-use crate::store::{from_json, runs};
 
 /// Acquires a read connection and checks that the run exists.
 ///

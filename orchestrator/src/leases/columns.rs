@@ -5,6 +5,9 @@ use crate::metrics::LeaseEvent;
 use std::sync::Arc;
 
 use env_core::{Recipe, Scenario, Seed, SeedSpace};
+use store::columns::{self, SeedRangeRow};
+use store::leases::{self, LeaseForm, LeaseRow, Purpose};
+use store::{StoreError, proposals, scenarios, to_i64, to_u64};
 
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
@@ -17,9 +20,6 @@ use crate::leases::prepare::recipe_of;
 use crate::leases::seeds::seed_of;
 use crate::runs::settings::MAX_GROUP_SIZE;
 use crate::runs::validate::check_range;
-use crate::store::columns::{self, SeedRangeRow};
-use crate::store::leases::{self, LeaseForm, LeaseRow, Purpose};
-use crate::store::{StoreError, proposals, scenarios, to_i64, to_u64};
 use curriculum::{Proposal, SequencedProposal};
 
 /// Most groups, and most episodes, of a lease of columns.

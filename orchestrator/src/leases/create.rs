@@ -4,6 +4,13 @@ use std::ops::RangeInclusive;
 
 use api_types::EvidenceFrom;
 use sqlx::SqliteConnection;
+use store::design_counters::{self, TrainingGroups};
+use store::groups::GroupRow;
+use store::ids::{RunId, random_token};
+use store::leases::{self, LeaseForm, LeaseRow, LeaseStatus, Purpose};
+use store::proposals::{self, QueuedProposal};
+use store::servable_layouts::{self, ServableLayout};
+use store::{refills, tokens};
 
 use crate::designs::serve;
 use crate::engine::change::Change;
@@ -12,19 +19,12 @@ use crate::engine::event::RunEvent;
 use crate::engine::run_state::RunState;
 use crate::engine::run_tx::RunTx;
 use crate::engine::write_tx::WriteTx;
-use crate::ids::{RunId, random_token};
 use crate::leases::group_row::proposed_group;
 use crate::leases::proposal_queue::{self, QUEUE_TARGET};
 use crate::leases::scenario_cache::ScenarioCache;
 use crate::metrics::LeaseEvent;
 use crate::runs::settings::MAX_GROUP_SIZE;
 use crate::runs::validate::check_range;
-use crate::store::design_counters::{self, TrainingGroups};
-use crate::store::groups::GroupRow;
-use crate::store::leases::{self, LeaseForm, LeaseRow, LeaseStatus, Purpose};
-use crate::store::proposals::{self, QueuedProposal};
-use crate::store::servable_layouts::{self, ServableLayout};
-use crate::store::{refills, tokens};
 
 /// Most groups of a lease.
 pub const MAX_GROUPS: u32 = 1024;

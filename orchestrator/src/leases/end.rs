@@ -1,17 +1,18 @@
 //! Ends leases before all of their groups are closed: on request, or because their time is over.
 
+use store::groups::{self, GroupState};
+use store::ids::{LeaseId, RunId};
+use store::leases::{self, LeaseRow, LeaseStatus};
+
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::write_tx::WriteTx;
-use crate::ids::{LeaseId, RunId};
 use crate::leases::find::find_lease;
 use crate::metrics::LeaseEvent;
 use crate::results::close::close_groups;
 use crate::results::columns::settle;
 use crate::results::report_summary::ReportSummary;
-use crate::store::groups::{self, GroupState};
-use crate::store::leases::{self, LeaseRow, LeaseStatus};
 
 /// Leases that one change expires at most.
 const MAX_EXPIRED_AT_ONCE: i64 = 32;

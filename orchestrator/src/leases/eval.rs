@@ -8,6 +8,9 @@ use std::sync::Arc;
 use env_core::SeedSpace;
 use rayon::ThreadPool;
 use rayon::prelude::*;
+use store::groups::{self, GroupRow, GroupState};
+use store::leases::{self, LeaseRow};
+use store::to_u64;
 
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
@@ -19,9 +22,6 @@ use crate::leases::create::{CreateLease, GrantedLease};
 use crate::leases::prepare::store_prepared::store_scenarios;
 use crate::leases::prepare::unsolvable::UnsolvableParams;
 use crate::leases::prepare::{DrawContext, PreparedScenario, SeedSource, prepare};
-use crate::store::groups::{self, GroupRow, GroupState};
-use crate::store::leases::{self, LeaseRow};
-use crate::store::to_u64;
 use curriculum::{Proposal, ProposalRole};
 
 /// Sequence numbers reserved for each lease, so that the seeds of two leases never coincide.

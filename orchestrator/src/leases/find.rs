@@ -1,11 +1,11 @@
 //! Looks a lease up by its id.
 
 use sqlx::SqliteConnection;
+use store::compacted_leases;
+use store::ids::{LeaseId, RunId};
+use store::leases::{self, LeaseRow};
 
 use crate::engine::error::ServiceError;
-use crate::ids::{LeaseId, RunId};
-use crate::store::compacted_leases;
-use crate::store::leases::{self, LeaseRow};
 
 /// Returns the row of a lease of this run, compacted or not.
 ///

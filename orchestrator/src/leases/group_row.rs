@@ -1,10 +1,11 @@
 //! Rows of groups that serve prepared proposals.
 
+use store::from_json;
+use store::groups::{GroupRow, GroupState};
+use store::proposals::QueuedProposal;
+
 use crate::engine::error::ServiceError;
 use crate::engine::run_state::group_role;
-use crate::store::from_json;
-use crate::store::groups::{GroupRow, GroupState};
-use crate::store::proposals::QueuedProposal;
 use curriculum::Proposal;
 
 /// Builds the row of a group that serves a prepared proposal. `is_evidence` says whether the group may count as evidence of mastery,

@@ -5,12 +5,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use sqlx::SqlitePool;
+use store::ids::RunId;
+use store::leases::Purpose;
+use store::{from_json, runs};
 use tokio::sync::watch;
 
 use crate::engine::error::ServiceError;
 use crate::engine::writer::Writer;
 use crate::evaluation::lease::create_suite_lease;
-use crate::ids::RunId;
 use crate::leases::create::{CreateLease, GrantedLease};
 use crate::leases::eval::create_eval_lease;
 use crate::results::audit::audit;
@@ -19,8 +21,6 @@ use crate::results::report::{ReportReceipts, StoreResults};
 use crate::results::reported::ReportedEpisode;
 use crate::rollouts::rollout_lease::{LeaseRolloutGroup, RolloutLease};
 use crate::runs::settings::RunSettings;
-use crate::store::leases::Purpose;
-use crate::store::{from_json, runs};
 
 /// How long a lease request waits for scenarios to be prepared before it is refused with `NotReady`.
 const PREPARE_TIMEOUT: Duration = Duration::from_secs(10);

@@ -1,9 +1,10 @@
 //! Queue of a run's proposals: it is kept filled, so that scenarios are prepared before they are leased.
 
+use store::{from_json, proposals, to_u64};
+
 use crate::engine::error::ServiceError;
 use crate::engine::run_tx::RunTx;
 use crate::engine::signals::Signal;
-use crate::store::{from_json, proposals, to_u64};
 use curriculum::Proposal;
 
 /// Number of proposals that wait while no lease asks for more.

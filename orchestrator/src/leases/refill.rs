@@ -1,15 +1,15 @@
 //! Replaces groups with zero variance: a trainer learns nothing from a group whose episodes all have the same score.
 
 use api_types::{EvidenceFrom, GroupRefill};
+use store::leases::{self, LeaseRow};
+use store::refills::{self, PendingRefill};
+use store::{groups, proposals};
 
 use crate::engine::error::ServiceError;
 use crate::engine::run_tx::RunTx;
 use crate::leases::group_row::proposed_group;
 use crate::leases::proposal_queue;
 use crate::leases::proposal_queue::QUEUE_TARGET;
-use crate::store::leases::{self, LeaseRow};
-use crate::store::refills::{self, PendingRefill};
-use crate::store::{groups, proposals};
 
 /// Adds `count` groups to what a lease is owed, and grants what is owed as far as scenarios are prepared.
 pub(crate) async fn request_refill(

@@ -1,14 +1,15 @@
 //! Renews a lease before it expires.
 
+use store::ids::{LeaseId, RunId};
+use store::leases::{self, LeaseRow, LeaseStatus};
+
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::write_tx::WriteTx;
-use crate::ids::{LeaseId, RunId};
 use crate::leases::find::find_lease;
 use crate::metrics::LeaseEvent;
 use crate::results::columns::status::is_claimed;
-use crate::store::leases::{self, LeaseRow, LeaseStatus};
 
 /// Extends an active lease by its duration, from now.
 #[derive(Debug)]

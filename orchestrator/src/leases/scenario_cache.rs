@@ -5,9 +5,9 @@ use std::collections::HashMap;
 use env_core::{Bracket, Scenario};
 use sqlx::SqliteConnection;
 
-use crate::store::groups::GroupRow;
-use crate::store::scenarios::{LoadedScenarios, ScenarioLoader};
-use crate::store::{StoreError, brackets};
+use store::groups::GroupRow;
+use store::scenarios::{LoadedScenarios, ScenarioLoader};
+use store::{StoreError, brackets};
 
 /// LoadedScenarios and brackets of the groups that one request needs.
 #[derive(Debug)]

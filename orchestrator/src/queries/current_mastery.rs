@@ -2,11 +2,12 @@
 
 use std::collections::BTreeMap;
 
+use store::history::{HistoryPoint, MasterySample};
+use store::ids::RunId;
+
 use crate::engine::change::{ReadTx, StateQuery};
 use crate::engine::error::ServiceError;
 use crate::engine::task_history::current_mastery_samples;
-use crate::ids::RunId;
-use crate::store::history::{HistoryPoint, MasterySample};
 
 /// Query for the current level and mastery of each task of a run.
 #[derive(Debug)]

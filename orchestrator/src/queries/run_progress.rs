@@ -3,15 +3,15 @@
 use std::collections::BTreeMap;
 
 use sqlx::SqliteConnection;
+use store::columns::{self, ClaimCounters};
+use store::group_counters::{self, GroupCounters};
+use store::ids::RunId;
+use store::task_counters::{self, TaskCounters};
 
 use crate::engine::change::{ReadTx, StateQuery};
 use crate::engine::error::ServiceError;
 use crate::engine::run_state::RunState;
-use crate::ids::RunId;
 use crate::runs::settings::RunSettings;
-use crate::store::columns::{self, ClaimCounters};
-use crate::store::group_counters::{self, GroupCounters};
-use crate::store::task_counters::{self, TaskCounters};
 use curriculum::{Explanation, Mastery, TaskStatus};
 
 /// Asks for the progress of a run.

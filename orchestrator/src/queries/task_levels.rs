@@ -1,8 +1,9 @@
 //! Levels of a run's tasks, for the overview of many runs.
 
+use store::ids::RunId;
+
 use crate::engine::change::{ReadTx, StateQuery};
 use crate::engine::error::ServiceError;
-use crate::ids::RunId;
 use curriculum::{Mastery, TaskStatus};
 
 /// Asks for the level of each task of a run, and for its mastery there.

@@ -11,18 +11,18 @@ use env_core::rollout::{read_log, replay};
 use rayon::ThreadPool;
 use rayon::prelude::*;
 use sqlx::SqliteConnection;
+use store::StoreError;
+use store::episodes::StoredLog;
+use store::ids::RunId;
+use store::keys::GroupKey;
 
 use crate::engine::error::ServiceError;
-use crate::ids::RunId;
 use crate::results::audit_outcome::{
     AuditOutcome, AuditedEpisode, AuditedReport, DeferredBracket, ReplayedEpisode,
 };
 use crate::results::episode_lookup::{EpisodeFinder, EpisodeLookup, ReplayTarget};
 use crate::results::reported::{ReportedEpisode, ReportedOutcome};
 use crate::runs::settings::RunSettings;
-use crate::store::StoreError;
-use crate::store::episodes::StoredLog;
-use crate::store::keys::GroupKey;
 
 /// Looks every reported episode up, and replays them in parallel on `threads`.
 ///

@@ -3,11 +3,11 @@
 use api_types::RefusalCode;
 use env_core::Scenario;
 use env_core::bracket::{Bracket, EpisodeOutcome};
+use store::compacted_leases::CompactedLease;
+use store::episodes::StoredLog;
+use store::keys::{EpisodeKey, GroupKey};
 
 use crate::results::refusal::Refusal;
-use crate::store::compacted_leases::CompactedLease;
-use crate::store::episodes::StoredLog;
-use crate::store::keys::{EpisodeKey, GroupKey};
 
 /// A reported episode after lookup and replay.
 #[derive(Debug, Clone)]

@@ -1,11 +1,19 @@
 //! Closes groups: their counters and history are written, and their outcome goes to the curriculum, to their layout or to their
 //! evaluation.
 
+use crate::api_enums::ConvertEnum;
 use std::collections::BTreeMap;
 
 use api_types::GroupReceipt;
 use curriculum::{GroupOutcome, LearningSignals, LevelMove, Proposal};
 use env_core::admission;
+use store::group_counters::{self, GroupCounters};
+use store::group_results::{self, GroupResult};
+use store::groups::{self, GroupRow, GroupState};
+use store::history::ParamValue;
+use store::leases::LeaseRow;
+use store::task_counters::{self, TaskCounters, TaskCountersKey};
+use store::{from_json, proposals, to_u32, to_u64};
 
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
@@ -14,13 +22,6 @@ use crate::leases::refill;
 use crate::leases::scenario_cache::ScenarioCache;
 use crate::results::observe::observe;
 use crate::results::report_summary::ReportSummary;
-use crate::store::group_counters::{self, GroupCounters};
-use crate::store::group_results::{self, GroupResult};
-use crate::store::groups::{self, GroupRow, GroupState};
-use crate::store::history::ParamValue;
-use crate::store::leases::LeaseRow;
-use crate::store::task_counters::{self, TaskCounters, TaskCountersKey};
-use crate::store::{from_json, proposals, to_u32, to_u64};
 use crate::{designs, evaluation};
 
 /// Times a scenario is offered at most: a scenario that crashes every trainer must not return for ever.
@@ -93,7 +94,7 @@ fn closed_group(lease: &LeaseRow, group: &GroupRow, statistics: &GroupResult) ->
     GroupReceipt {
         lease: lease.name(),
         group: group.number,
-        state: group.state.into(),
+        state: group.state.convert(),
         finished: group.finished,
         failed: group.failed,
         expired: (lease.group_size - group.finished - group.failed).max(0),

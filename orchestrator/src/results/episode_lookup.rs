@@ -5,16 +5,16 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use api_types::RefusalCode;
 use env_core::{Bracket, Scenario};
 use sqlx::SqliteConnection;
+use store::compacted_leases::{self, CompactedLease};
+use store::groups;
+use store::ids::{EpisodeId, LeaseId, RunId};
+use store::keys::{EpisodeKey, GroupKey};
+use store::leases::{self, LeaseRow};
 
 use crate::engine::error::ServiceError;
-use crate::ids::{EpisodeId, LeaseId, RunId};
 use crate::leases::scenario_cache::ScenarioCache;
 use crate::results::audit_outcome::AuditOutcome;
 use crate::results::refusal::Refusal;
-use crate::store::compacted_leases::{self, CompactedLease};
-use crate::store::groups;
-use crate::store::keys::{EpisodeKey, GroupKey};
-use crate::store::leases::{self, LeaseRow};
 
 /// Scenario of a group, to replay its episodes with.
 pub(crate) struct ReplayTarget {

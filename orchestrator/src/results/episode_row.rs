@@ -1,15 +1,15 @@
 //! Rows of audited episodes, and the comparison of a repeated report with the stored row.
 
 use api_types::{ReceiptStatus, RefusalCode, ResultReceipt};
+use store::brackets::StoredOutcome;
+use store::episodes::{EpisodeRow, EpisodeState, ReportedResult};
+use store::keys::EpisodeKey;
+use store::to_json;
 
 use crate::engine::error::ServiceError;
 use crate::results::audit_outcome::{AuditOutcome, ReplayedEpisode};
 use crate::results::receipt::refused_receipt;
 use crate::results::refusal::Refusal;
-use crate::store::brackets::StoredOutcome;
-use crate::store::episodes::{EpisodeRow, EpisodeState, ReportedResult};
-use crate::store::keys::EpisodeKey;
-use crate::store::{self, to_json};
 
 /// Builds the row of an episode. Policy version and metrics are left to the caller.
 pub(crate) fn episode_row(

@@ -1,16 +1,16 @@
 //! Stores audited results: each episode once, by its replay. Groups that become whole are closed in the same change.
 
 use api_types::ResultReceipt;
+use store::ids::RunId;
+use store::{brackets, groups};
 
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
-use crate::ids::RunId;
 use crate::metrics;
 use crate::results::audit_outcome::AuditedReport;
 use crate::results::report_batch::ReportBatch;
 use crate::results::report_summary::ReportSummary;
-use crate::store::{brackets, groups};
 
 /// Stores the audited episodes of a report.
 #[derive(Debug)]

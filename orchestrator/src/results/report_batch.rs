@@ -3,6 +3,15 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use api_types::{ReceiptStatus, RefusalCode, ResultReceipt};
+use store::critiques::{self, NewCritiqueJob};
+use store::episodes::{self, EpisodeRow, EpisodeState, ReportedResult, StoredLog};
+use store::groups::{self, GroupRow};
+use store::ids::RunId;
+use store::keys::{EpisodeKey, GroupKey};
+use store::leases::{self, LeaseRow};
+use store::policy_versions::{self, VersionCounters, VersionKey};
+use store::task_counters::{self, TaskCounters};
+use store::{compacted_leases, runs};
 
 use crate::critiques::criticise::MAX_JOB_EPISODES;
 use crate::engine::error::ServiceError;
@@ -11,7 +20,6 @@ use crate::engine::run_tx::RunTx;
 use crate::engine::signals::Signal;
 use crate::engine::write_tx::WriteTx;
 use crate::evaluation::store_results;
-use crate::ids::RunId;
 use crate::metrics::LeaseEvent;
 use crate::results::audit_outcome::{AuditOutcome, AuditedEpisode};
 use crate::results::close::update_and_close;
@@ -21,14 +29,6 @@ use crate::results::episode_row::{duplicate_receipt, episode_row, result_digest}
 use crate::results::receipt::{refused_receipt, unstored_receipt};
 use crate::results::refusal::Refusal;
 use crate::results::report_summary::ReportSummary;
-use crate::store::critiques::{self, NewCritiqueJob};
-use crate::store::episodes::{self, EpisodeRow, EpisodeState, ReportedResult, StoredLog};
-use crate::store::groups::{self, GroupRow};
-use crate::store::keys::{EpisodeKey, GroupKey};
-use crate::store::leases::{self, LeaseRow};
-use crate::store::policy_versions::{self, VersionCounters, VersionKey};
-use crate::store::task_counters::{self, TaskCounters};
-use crate::store::{self, compacted_leases, runs};
 
 /// Rows that the episodes of one report touch.
 #[derive(Default)]

@@ -1,9 +1,10 @@
 //! Keeping what a judge said.
 
+use store::step_verdicts::{self, StepVerdictRow};
+
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
-use crate::store::step_verdicts::{self, StepVerdictRow};
 
 /// Keeps a model's verdict on a step.
 #[derive(Debug)]

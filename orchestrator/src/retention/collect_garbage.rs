@@ -1,9 +1,10 @@
 //! Deletes proposals, scenarios and curriculum events that nothing refers to.
 
+use store::{gc, to_i64};
+
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
-use crate::store::{gc, to_i64};
 
 /// Maximum number of proposals, and of events, that one change deletes.
 const MAX_DELETED: i64 = 500;

@@ -3,21 +3,20 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use store::compacted_leases::{self, CompactedClaim, CompactedEpisode, CompactedGroup, CompactedLease};
+use store::episodes::{self, EpisodeRow};
+use store::groups::{self, ClosedGroupRow, GroupRow, GroupState};
+use store::keys::{EpisodeSpan, GroupKey};
+use store::leases::{LeaseForm, LeaseRow};
+use store::progress::{self, ProgressSpan};
+use store::retention;
+use store::{StoreError, columns, gc};
+
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
 use crate::metrics;
 use crate::retention::move_evidence::MoveEvidenceSpans;
-use crate::store::compacted_leases::{
-    self, CompactedClaim, CompactedEpisode, CompactedGroup, CompactedLease,
-};
-use crate::store::episodes::{self, EpisodeRow};
-use crate::store::groups::{self, ClosedGroupRow, GroupRow, GroupState};
-use crate::store::keys::{EpisodeSpan, GroupKey};
-use crate::store::leases::{LeaseForm, LeaseRow};
-use crate::store::progress::{self, ProgressSpan};
-use crate::store::retention;
-use crate::store::{StoreError, columns, gc};
 
 /// Maximum number of episodes in one change, so that the next change waits a few milliseconds only.
 const MAX_EPISODES: i64 = 96;

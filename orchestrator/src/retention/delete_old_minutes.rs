@@ -1,9 +1,10 @@
 //! Deletes minute buckets of a run's history that are old enough to be kept by the hour only.
 
+use store::history;
+
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
-use crate::store::history;
 
 /// Rows deleted by one change at most.
 const MAX_ROWS: i64 = 500;

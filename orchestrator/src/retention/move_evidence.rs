@@ -5,10 +5,10 @@ use std::ops::Range;
 
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
-use crate::store::groups::{GroupRole, GroupRow};
-use crate::store::retention::{self, ProposalSpan};
-use crate::store::{curriculum, from_json, to_u64};
 use ::curriculum::MoveEvidence;
+use store::groups::{GroupRole, GroupRow};
+use store::retention::{self, ProposalSpan};
+use store::{curriculum, from_json, to_u64};
 
 /// Spans of proposals whose outcomes are evidence of level moves, including moves that are yet to come. For each task they go up to
 /// the first move after the last proposal in question: an outcome is evidence for the next move of its task, or for none.

@@ -1,11 +1,12 @@
 //! Delivers groups of a run's feed, and acknowledges them. A group is delivered again until it is acknowledged.
 
+use store::ids::RunId;
+use store::trajectories::{self, AckedLimit, FeedGroup};
+
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::signals::Signal;
 use crate::engine::write_tx::WriteTx;
-use crate::ids::RunId;
-use crate::store::trajectories::{self, AckedLimit, FeedGroup};
 
 /// Maximum size of the groups in one answer, in bytes of JSON. A single group may be larger.
 pub const MAX_ANSWER_BYTES: i64 = 32 << 20;

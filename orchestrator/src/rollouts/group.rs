@@ -1,11 +1,17 @@
 //! A leased group with everything that its rollout needs, and its form for the audit and the feed.
 
+use crate::api_enums::ConvertEnum;
 use api_types::{ActionStopReason, MessageContent, ObservationContent, ObservationMode, PolicySettings};
 use env_core::{Bracket, Scenario, StopReason};
+use store::groups::{self, GroupRow};
+use store::ids::{EpisodeId, LayoutId, LeaseId, RunId};
+use store::leases::LeaseRow;
+use store::run_policies::RunPolicyRow;
+use store::scenarios::ScenarioLoader;
+use store::{StoreError, brackets, from_json, runs, to_json, to_u32, to_u64};
 
 use crate::engine::error::ServiceError;
 use crate::frames::wire_step;
-use crate::ids::{EpisodeId, LayoutId, LeaseId, RunId};
 use crate::leases::bracket_view::scenario_bracket;
 use crate::leases::lease_service::LeaseService;
 use crate::results::audit_outcome::{AuditOutcome, AuditedEpisode};
@@ -17,11 +23,6 @@ use crate::rollouts::rollout_lease::RolloutLease;
 use crate::rollouts::run_episode::RolloutOutcome;
 use crate::rollouts::settings::settings_from_row;
 use crate::runs::settings::RunSettings;
-use crate::store::groups::{self, GroupRow};
-use crate::store::leases::LeaseRow;
-use crate::store::run_policies::RunPolicyRow;
-use crate::store::scenarios::ScenarioLoader;
-use crate::store::{StoreError, brackets, from_json, runs, to_json, to_u32, to_u64};
 
 /// Error of rolling out a group.
 #[derive(Debug, thiserror::Error)]
@@ -192,7 +193,7 @@ impl RolloutGroup {
             group: self.group.number,
             task: self.group.task.clone(),
             level: self.group.level,
-            role: self.group.role.into(),
+            role: self.group.role.convert(),
             layout: self.group.layout.map(|id| LayoutId(id).to_string()),
             recipe: self.scenario.recipe().to_json(),
             seed: self.scenario.seed().get(),

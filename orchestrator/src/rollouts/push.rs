@@ -1,20 +1,20 @@
 //! Counts a group that was rolled out and pushes it to the feed, in one transaction.
 
 use api_types::ReceiptStatus;
+use store::ids::LeaseId;
+use store::run_policies::{self, RolloutCounts, TokenCounts};
+use store::to_i64;
+use store::trajectories::{self, NewTrajectoryGroup};
 
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::signals::Signal;
 use crate::engine::write_tx::WriteTx;
-use crate::ids::LeaseId;
 use crate::metrics;
 use crate::results::report::StoreResults;
 use crate::rollouts::packed_group::PackedGroup;
 use crate::rollouts::rollout_lease::ReturnRolloutLease;
-use crate::store::run_policies::{self, RolloutCounts, TokenCounts};
-use crate::store::to_i64;
-use crate::store::trajectories::{self, NewTrajectoryGroup};
 
 /// Length of a day in milliseconds.
 const DAY_MS: i64 = 86_400_000;

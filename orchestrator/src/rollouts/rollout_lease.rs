@@ -1,14 +1,15 @@
 //! Leases of one group that the server's own rollout workers take, and return after an interruption.
 
+use store::ids::{LeaseId, RunId};
+use store::leases::{self, Purpose};
+use store::run_policies::{self, RunPolicy, RunPolicyRow};
+use store::to_u32;
+
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
-use crate::ids::{LeaseId, RunId};
 use crate::leases::create::{CreateLease, GrantedLease};
 use crate::leases::end::{LeaseEnd, end_lease};
-use crate::store::leases::{self, Purpose};
-use crate::store::run_policies::{self, RunPolicy, RunPolicyRow};
-use crate::store::to_u32;
 
 /// Lifetime of a rollout lease, in seconds. It is renewed while its group is rolled out.
 pub const ROLLOUT_TTL_S: u32 = 600;

@@ -2,15 +2,15 @@
 
 use api_types::{PolicyRequest, PolicySettings};
 use llm::LlmClient;
+use store::ids::RunId;
+use store::run_policies::{self, RunPolicy, RunPolicyRow};
+use store::{from_json, to_json};
 
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::signals::Signal;
 use crate::engine::write_tx::WriteTx;
-use crate::ids::RunId;
 use crate::runs::validate::check_range;
-use crate::store::run_policies::{self, RunPolicy, RunPolicyRow};
-use crate::store::{from_json, to_json};
 
 /// The language model of chat policies: the one that the server was started with.
 #[derive(Debug, Clone)]

@@ -1,18 +1,18 @@
 //! Changes the settings of a run that is in progress.
 
 use api_types::RunChange;
+use store::ids::RunId;
+use store::runs::{self, RunRow};
+use store::to_json;
 
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::write_tx::WriteTx;
-use crate::ids::RunId;
 use crate::leases::proposal_queue;
 use crate::runs::settings::RunSettings;
 use crate::runs::settings_update::SettingsUpdate;
 use crate::runs::validate::check_run_name;
-use crate::store::runs::{self, RunRow};
-use crate::store::to_json;
 
 /// Changes the settings of a run, which is an event of its curriculum.
 #[derive(Debug)]

@@ -2,18 +2,18 @@
 
 use api_types::RunRequest;
 use env_core::{SEED_REQUIREMENT, Seed};
+use store::ids::{RunId, random_seed, random_token};
+use store::runs::{self, RunRow, RunStatus};
+use store::{to_i64, to_json, tokens};
 
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::write_tx::WriteTx;
-use crate::ids::{RunId, random_seed, random_token};
 use crate::leases::create::OwnerQuota;
 use crate::leases::proposal_queue;
 use crate::runs::settings::RunSettings;
 use crate::runs::validate::check_run_name;
-use crate::store::runs::{self, RunRow, RunStatus};
-use crate::store::{to_i64, to_json, tokens};
 
 /// Characters of a generated run id after `run-`.
 const GENERATED_ID_CHARS: usize = 8;
@@ -38,7 +38,7 @@ impl CreateRun {
         let id = request.id.clone().unwrap_or_else(|| format!("run-{}", random_token(GENERATED_ID_CHARS)));
         let id: RunId = id
             .parse()
-            .map_err(|error: crate::ids::InvalidId| ServiceError::invalid("id", error.to_string()))?;
+            .map_err(|error: store::ids::InvalidId| ServiceError::invalid("id", error.to_string()))?;
         let name = request.name.clone().unwrap_or_else(|| id.to_string());
         check_run_name(&name)?;
         let seed = request.seed.unwrap_or_else(random_seed);

@@ -1,13 +1,13 @@
 //! Stores what a client says about a version of a run's policy.
 
 use api_types::PolicyVersionDescription;
+use store::ids::RunId;
+use store::policy_versions::{self, PolicyVersionRow};
+use store::runs;
 
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
-use crate::ids::RunId;
-use crate::store::policy_versions::{self, PolicyVersionRow};
-use crate::store::runs;
 
 /// Maximum length of a checkpoint or of notes, in characters.
 const MAX_DESCRIPTION_CHARS: usize = 2000;

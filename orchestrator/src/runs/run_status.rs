@@ -1,12 +1,13 @@
 //! Pauses, resumes and archives runs.
 
+use store::ids::RunId;
+use store::runs::{self, RunRow, RunStatus};
+
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::signals::Signal;
 use crate::engine::write_tx::WriteTx;
-use crate::ids::RunId;
-use crate::store::runs::{self, RunRow, RunStatus};
 
 /// Change of a run's status.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

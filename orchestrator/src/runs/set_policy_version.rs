@@ -1,10 +1,11 @@
 //! Sets the newest policy version of a run.
 
+use store::ids::RunId;
+use store::runs::{self, RunRow};
+
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
-use crate::ids::RunId;
-use crate::store::runs::{self, RunRow};
 
 /// Sets the newest policy version of a run. Reported results raise it automatically; a wrong one stays until it is set.
 #[derive(Debug)]

@@ -1,13 +1,13 @@
 //! Sets how many episodes a run keeps whole.
 
 use api_types::RetentionRequest;
+use store::ids::RunId;
+use store::runs::{self, RunRow};
+use store::to_json;
 
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
-use crate::ids::RunId;
-use crate::store::runs::{self, RunRow};
-use crate::store::to_json;
 
 /// Sets how many episodes a run keeps whole.
 #[derive(Debug)]

@@ -4,13 +4,14 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use store::{OpenError, StoreError};
+
 use crate::clock::Clock;
 use crate::designs::{BuiltInDesigners, Designers};
 use crate::judging::Judges;
 use crate::limits::ClientLimits;
 use crate::rollouts::Endpoint;
 use crate::sessions::SessionLimits;
-use crate::store::{OpenError, StoreError};
 
 /// Configuration of the service.
 #[derive(Debug, Clone)]

@@ -13,6 +13,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use sqlx::SqlitePool;
+use store::{DatabaseLock, open_maintenance, open_readers};
 use tokio::sync::watch;
 use tokio::task::{JoinHandle, JoinSet};
 
@@ -26,7 +27,6 @@ use crate::leases::lease_service::LeaseService;
 use crate::limits::constants::{MAX_LARGE_BODIES, MAX_LISTENERS, MAX_LISTENERS_PER_CLIENT};
 use crate::limits::{BodyLimit, ConcurrencyLimits, LongPollLimit, Quota};
 use crate::sessions::{SessionLimits, SessionManager};
-use crate::store::{DatabaseLock, open_maintenance, open_readers};
 use crate::threads::{self, ThreadPriority};
 use crate::workers;
 

@@ -5,13 +5,13 @@ use std::sync::Arc;
 
 use llm::Spending;
 use sqlx::SqliteConnection;
+use store::tokens::{self, TokenPresence};
+use store::{DatabaseLock, StoreError, design_requests, llm_spend, open_writer, to_u64};
 use tokio::net::TcpListener;
 
 use super::config::{Config, StartError};
 use crate::http::ApiSurface;
 use crate::judging::ModelJudge;
-use crate::store::tokens::{self, TokenPresence};
-use crate::store::{DatabaseLock, StoreError, design_requests, llm_spend, open_writer, to_u64};
 
 /// Database that was opened for this server.
 pub(super) struct OpenDatabase {

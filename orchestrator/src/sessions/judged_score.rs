@@ -3,11 +3,11 @@
 use api_types::Judge;
 use env_core::task::Episode;
 use serde_json::Value;
+use store::step_verdicts::StepVerdictRow;
+use store::to_i64;
 
 use crate::judging::{JudgedStep, StepVerdicts};
 use crate::policy::TimeStep;
-use crate::store::step_verdicts::StepVerdictRow;
-use crate::store::to_i64;
 
 /// Reward and score of an episode under a judge.
 #[derive(Debug, Clone, PartialEq)]

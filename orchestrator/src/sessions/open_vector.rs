@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use env_core::TaskSpec;
 use env_core::batch::{BatchConfig, BatchError, MAX_ENVS};
+use store::ids::{LeaseId, RunId};
 use uuid::Uuid;
 
 use super::client::ClientIdentity;
@@ -17,7 +18,6 @@ use super::vector::{
     EnvBatch, EpisodeReporter, LastFrame, LeaseAssigner, LeaseBinding, VectorError, VectorRequest,
     VectorSession, VectorSource, run_on,
 };
-use crate::ids::{LeaseId, RunId};
 use crate::limits::QuotaPermit;
 
 /// Maximum number of recipes of a lease that are measured.

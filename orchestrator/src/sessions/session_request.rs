@@ -6,7 +6,7 @@ use env_core::{Recipe, Scenario, ScenarioError, Seed, SeedSpace, TaskSpec};
 use rand::TryRng;
 use rand::rngs::SysRng;
 
-use crate::ids::{EpisodeId, LeaseId, RunId};
+use store::ids::{EpisodeId, LeaseId, RunId};
 
 /// Maximum length of the name of a group or an episode, in characters.
 pub const MAX_NAME_CHARS: usize = 255;

@@ -5,8 +5,6 @@ use std::time::Duration;
 use sqlx::{Connection, SqliteConnection};
 use tokio::sync::watch;
 
-use crate::store;
-
 /// Interval between two checkpoints.
 const CHECKPOINT_INTERVAL: Duration = Duration::from_millis(500);
 

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use rayon::prelude::*;
 use sqlx::SqlitePool;
+use store::critiques;
 use tokio::sync::Notify;
 
 use crate::critiques::criticise;
@@ -16,7 +17,6 @@ use crate::critiques::store_critiques::StoreCritiques;
 use crate::engine::error::ServiceError;
 use crate::engine::writer::Writer;
 use crate::metrics;
-use crate::store::critiques;
 
 /// Maximum number of jobs in a batch.
 const BATCH_JOBS: i64 = 64;

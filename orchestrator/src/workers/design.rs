@@ -9,6 +9,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use sqlx::SqlitePool;
+use store::design_counters;
+use store::design_queue::{self, DesignRequestRef};
 use tokio::sync::{Notify, Semaphore, watch};
 use tokio::task::{Id, JoinError, JoinSet};
 
@@ -18,8 +20,6 @@ use crate::designs::start_design::StartDesignRequest;
 use crate::designs::{Designers, demand};
 use crate::engine::error::ServiceError;
 use crate::engine::writer::Writer;
-use crate::store::design_counters;
-use crate::store::design_queue::{self, DesignRequestRef};
 
 /// Interval between two checks whether a request is due.
 const POLL_INTERVAL: Duration = Duration::from_secs(1);

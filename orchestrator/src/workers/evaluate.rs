@@ -4,6 +4,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use sqlx::SqlitePool;
+use store::evaluations::{self, EvaluationRow};
+use store::{to_u32, to_u64};
 
 use crate::engine::error::ServiceError;
 use crate::engine::writer::Writer;
@@ -12,8 +14,6 @@ use crate::evaluation::read::suite_of;
 use crate::evaluation::store_results::StoreSuiteResults;
 use crate::evaluation::suite_rollout::{SuiteRolloutSettings, roll_out_policy};
 use crate::metrics;
-use crate::store::evaluations::{self, EvaluationRow};
-use crate::store::{to_u32, to_u64};
 
 /// Interval between two checks for an evaluation.
 const POLL_INTERVAL: Duration = Duration::from_millis(500);

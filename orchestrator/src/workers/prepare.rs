@@ -7,6 +7,8 @@ use std::time::Duration;
 
 use env_core::SeedSpace;
 use sqlx::{SqliteConnection, SqlitePool};
+use store::proposals::{self, ProposalKey, UnpreparedProposal};
+use store::{from_json, runs, to_i64, to_u64};
 use tokio::sync::{Notify, oneshot, watch};
 use tokio::task::JoinSet;
 
@@ -20,8 +22,6 @@ use crate::leases::prepare::{
 use crate::leases::scenario_cache::ScenarioCache;
 use crate::metrics;
 use crate::runs::settings::RunSettings;
-use crate::store::proposals::{self, ProposalKey, UnpreparedProposal};
-use crate::store::{from_json, runs, to_i64, to_u64};
 use curriculum::Proposal;
 
 /// Maximum number of proposals that are prepared concurrently, of all runs together. It exceeds the number of cores: a scenario that

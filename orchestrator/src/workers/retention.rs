@@ -5,6 +5,8 @@ use std::time::{Duration, Instant};
 
 use futures_util::future::try_join_all;
 use sqlx::SqlitePool;
+use store::retention::{self, RetainedEpisodes};
+use store::{from_json, gc};
 
 use crate::engine::error::ServiceError;
 use crate::engine::writer::Writer;
@@ -12,8 +14,6 @@ use crate::retention::collect_garbage::CollectGarbage;
 use crate::retention::compact_leases::{CompactLeases, CompactionGoal};
 use crate::retention::delete_old_minutes::DeleteOldMinutes;
 use crate::runs::settings::RunSettings;
-use crate::store::retention::{self, RetainedEpisodes};
-use crate::store::{from_json, gc};
 
 /// Interval between two checks.
 const POLL_INTERVAL: Duration = Duration::from_secs(2);

@@ -5,11 +5,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use sqlx::SqlitePool;
+use store::StoreError;
+use store::tokens::{self, TokenState};
 
 use crate::clock::Clock;
 use crate::sessions::{Credential, SessionManager};
-use crate::store::StoreError;
-use crate::store::tokens::{self, TokenState};
 
 /// Interval between two checks.
 const POLL_INTERVAL: Duration = Duration::from_secs(1);

@@ -9,6 +9,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use sqlx::SqlitePool;
+use store::ids::RunId;
+use store::run_policies::{self, RunPolicy, RunPolicyRow};
+use store::{from_json, runs, trajectories};
 use tokio::sync::Notify;
 use tokio::task::{Id, JoinError, JoinSet};
 
@@ -16,7 +19,6 @@ use self::backoff::RunBackoff;
 use self::group_rollout::GroupRolloutStatus;
 use crate::clock::{Clock, Millis};
 use crate::engine::error::ServiceError;
-use crate::ids::RunId;
 use crate::leases::lease_service::LeaseService;
 use crate::rollouts::Endpoint;
 use crate::rollouts::feed::MAX_UNACKED_BYTES;
@@ -24,8 +26,6 @@ use crate::rollouts::rollout_lease::ReturnAbandonedLeases;
 use crate::rollouts::settings::SetPolicyError;
 use crate::rollouts::settings::settings_from_row;
 use crate::runs::settings::RunSettings;
-use crate::store::run_policies::{self, RunPolicy, RunPolicyRow};
-use crate::store::{from_json, runs, trajectories};
 
 /// Interval between two checks whether a group may start, if no signal arrives.
 const POLL_INTERVAL: Duration = Duration::from_secs(1);
@@ -206,7 +206,7 @@ impl RolloutWorker {
         let run: RunId = row
             .run
             .parse()
-            .map_err(|error: crate::ids::InvalidId| ServiceError::invalid("run", error.to_string()))?;
+            .map_err(|error: store::ids::InvalidId| ServiceError::invalid("run", error.to_string()))?;
         let worker = self.clone();
         let job = active.jobs.spawn(async move { worker.roll_out_group(run).await });
         let group = ActiveGroup { run: row.run.clone(), policy_set_at: row.changed_at, load };

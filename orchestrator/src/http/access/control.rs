@@ -7,6 +7,8 @@ use std::time::Duration;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 use moka::future::Cache;
 use sqlx::SqlitePool;
+use store::role::Role;
+use store::tokens::{self, TokenRow, TokenState};
 
 use super::super::problem::Problem;
 use super::Caller;
@@ -20,8 +22,7 @@ use crate::limits::constants::{
 };
 use crate::limits::{ClientLimits, RateLimit};
 use crate::sessions::ClientIdentity;
-use crate::store::tokens::{self, TokenRow, TokenState};
-use crate::tokens::{Role, Token};
+use crate::tokens::Token;
 
 /// Time for which a token is cached. A revoked token may be used for so long.
 const TOKEN_CACHE_TTL: Duration = Duration::from_secs(5);

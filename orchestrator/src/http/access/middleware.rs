@@ -8,6 +8,8 @@ use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderMap, HeaderValue, Version, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use store::audit_log::AuditRow;
+use store::role::Role;
 use tracing::Instrument;
 
 use super::super::connections::PeerAddress;
@@ -17,8 +19,7 @@ use super::permissions::{Permission, find_operation};
 use crate::engine::access_log::WriteAuditLine;
 use crate::engine::error::ServiceError;
 use crate::engine::writer::Writer;
-use crate::store::audit_log::AuditRow;
-use crate::tokens::{Role, redact};
+use crate::tokens::redact;
 
 /// Maximum number of attempts to write a line of the audit log while the writer is busy.
 const MAX_AUDIT_ATTEMPTS: u32 = 10;

@@ -2,7 +2,7 @@
 
 use axum::http::Method;
 
-use crate::tokens::Role::{self, Admin, Trainer, Viewer};
+use store::role::Role::{self, Admin, Trainer, Viewer};
 
 /// Permission that an operation requires.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

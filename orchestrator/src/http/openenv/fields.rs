@@ -5,9 +5,9 @@ use std::str::FromStr;
 use env_core::{Scenario, TaskSpec};
 use openenv_wire::{LocSegment, NumberError, ValidationError, echo_input, parse_integer, parse_number};
 use serde_json::{Map, Value, json};
+use store::ids::InvalidId;
 
 use super::tasks::{RESET_ORDER, known_tasks, task_by_name};
-use crate::ids::InvalidId;
 use crate::sessions::{MAX_NAME_CHARS, SessionRequest};
 
 /// Reads the fields of an object and collects errors.

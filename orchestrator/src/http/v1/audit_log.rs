@@ -2,13 +2,13 @@
 
 use api_types::{AuditLogEntry, AuditLogPage, AuditLogQuery};
 use axum::extract::State;
+use store::audit_log::{self, AuditRing, AuditRow};
 
 use crate::clock::rfc3339;
 use crate::http::extract::Query;
 use crate::http::paging::{PageCursor, next_cursor, number_before, page_limit};
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
-use crate::store::audit_log::{self, AuditRing, AuditRow};
 
 /// List changes by API requests, or denied requests (401, 403) with `denied=true`, newest first. Of denied requests the server logs
 /// at most one a second for each address, and ten a second in all. It keeps the newest 100 000 changes and 20 000 denied requests.

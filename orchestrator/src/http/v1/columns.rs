@@ -1,8 +1,11 @@
 //! Columns: results of all episodes of a lease in one request, and their audit.
 
+use crate::api_enums::ConvertEnum;
 use api_types::{AuditedGroup, ClaimedColumns, ColumnClaim, ColumnsRequest};
 use axum::extract::{Request, State};
 use serde::Deserialize;
+use store::ids::{EpisodeId, LeaseId};
+use store::leases::LeaseRow;
 
 use crate::clock::rfc3339;
 use crate::engine::error::ServiceError;
@@ -13,12 +16,10 @@ use crate::http::number_column::{NumberColumn, optional_u32, parse_columns};
 use crate::http::path_ids::{parse_id, parse_run_id};
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
-use crate::ids::{EpisodeId, LeaseId};
 use crate::leases::find::find_lease;
 use crate::results::columns::claim as column_claims;
 use crate::results::columns::status::{self, ClaimStatus};
 use crate::results::columns::table::Columns;
-use crate::store::leases::LeaseRow;
 
 /// Body of a claim, which may have packed columns. Its JSON is that of [`ColumnsRequest`].
 #[derive(Debug, Deserialize)]
@@ -73,7 +74,7 @@ fn claim_from_status(status: ClaimStatus) -> ColumnClaim {
     ColumnClaim {
         audited_groups,
         lease: id.to_string(),
-        state: claim.state.into(),
+        state: claim.state.convert(),
         episodes: claim.episodes,
         failed: claim.failed,
         policy_version: claim.policy_version,
@@ -137,7 +138,7 @@ pub(super) async fn get_claimed_columns(
     let row = find_lease(&mut conn, &run, &lease).await?;
     check_kept(&row)?;
     let claimed = status::claimed_columns(&mut conn, row.id).await?.ok_or_else(no_columns)?;
-    let (state, Columns { scores, failed, steps }) = (claimed.state.into(), claimed.columns);
+    let (state, Columns { scores, failed, steps }) = (claimed.state.convert(), claimed.columns);
     let failed = failed.into_iter().map(u8::from).collect();
     Ok(axum::Json(ClaimedColumns { state, score: scores, failed, steps }))
 }

@@ -109,6 +109,6 @@ pub(super) async fn get_episode_critique(
 
 fn criticise(scenario: &Scenario, log: &ActionLog) -> Result<Critique, Problem> {
     let critique = scenario.task().critique(scenario, log);
-    let critique = critique.map_err(|error| crate::store::StoreError::corrupt("an action log", error))?;
+    let critique = critique.map_err(|error| store::StoreError::corrupt("an action log", error))?;
     Ok(critique_response(scenario, critique))
 }

@@ -1,7 +1,12 @@
 //! List of a run's reported episodes: complete ones, and compacted ones of which only the outcome is kept.
 
+use crate::api_enums::ConvertEnum;
 use api_types::{EpisodePage, EpisodeState, EpisodeSummary, PageQuery, ReplayAvailability};
 use axum::extract::State;
+use store::compacted_leases::{self, CompactedEpisode, CompactedGroup, CompactedLease};
+use store::episodes::{self, EpisodeGroup, EpisodeRow, ListedEpisode};
+use store::ids::{EpisodeId, LayoutId, LeaseId};
+use store::keys::EpisodeKey;
 
 use crate::clock::rfc3339;
 use crate::http::extract::{Path, Query};
@@ -10,10 +15,6 @@ use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
-use crate::ids::{EpisodeId, LayoutId, LeaseId};
-use crate::store::compacted_leases::{self, CompactedEpisode, CompactedGroup, CompactedLease};
-use crate::store::episodes::{self, EpisodeGroup, EpisodeRow, ListedEpisode};
-use crate::store::keys::EpisodeKey;
 
 /// Converts an episode that is kept complete; `unreported` is its state if it was not reported.
 pub(super) fn episode_summary(
@@ -27,9 +28,9 @@ pub(super) fn episode_summary(
         episode: id.to_string(),
         task: Some(group.task),
         level: group.level,
-        role: group.role.into(),
+        role: group.role.convert(),
         layout: group.layout.map(|id| LayoutId(id).to_string()),
-        state: row.map_or(unreported, |row| row.state.into()),
+        state: row.map_or(unreported, |row| row.state.convert()),
         score: row.and_then(|r| r.score),
         success: row.and_then(|r| r.success),
         skill: row.and_then(|r| r.skill),
@@ -51,9 +52,9 @@ pub(super) fn compacted_summary(
         episode: EpisodeId { lease: lease.row.lease_id(), index }.to_string(),
         task: Some(group.task.clone()),
         level: group.level,
-        role: group.role.into(),
+        role: group.role.convert(),
         layout: group.layout.map(|id| LayoutId(id).to_string()),
-        state: episode.map_or(EpisodeState::Expired, |episode| episode.state.into()),
+        state: episode.map_or(EpisodeState::Expired, |episode| episode.state.convert()),
         score: episode.and_then(|episode| episode.score),
         success: episode.and_then(|episode| episode.success),
         skill: episode.and_then(|episode| episode.skill),

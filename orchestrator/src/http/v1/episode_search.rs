@@ -1,8 +1,12 @@
 //! Search for reported episodes by task, outcome and group, in several orders.
 
+use crate::api_enums::ConvertEnum;
 use api_types::{EpisodePage, EpisodeSearchQuery, EpisodeSortOrder, EpisodeStateFilter};
 use axum::extract::State;
 use sqlx::SqliteConnection;
+use store::episode_search::{self, EpisodeCursor, EpisodeFilter, EpisodeOrder, OrderValue};
+use store::episodes::EpisodeState;
+use store::ids::{LayoutId, RunId};
 
 use super::episode_list::listed_summary;
 use crate::http::extract::{Path, Query};
@@ -11,9 +15,6 @@ use crate::http::path_ids::{parse_id, parse_run_id};
 use crate::http::problem::Problem;
 use crate::http::run_reader::{acquire_run_reader, find_run_tasks};
 use crate::http::state::AppState;
-use crate::ids::{LayoutId, RunId};
-use crate::store::episode_search::{self, EpisodeCursor, EpisodeFilter, EpisodeOrder, OrderValue};
-use crate::store::episodes::EpisodeState;
 
 /// Search for reported episodes that are kept complete. `GET …/episodes` lists all episodes, oldest first. An order by score or skill
 /// leaves out episodes without one.
@@ -39,7 +40,7 @@ pub(super) async fn search_episodes(
         state: query.state.map(stored_state),
         success: query.success,
         mode: query.mode,
-        role: query.role.map(Into::into),
+        role: query.role.map(ConvertEnum::convert),
         layout: layout.map(|id| id.0),
         version: query.policy_version.map(i64::from),
     };

@@ -6,6 +6,13 @@ use env_core::log::Precision;
 use env_core::{ActionLog, Scenario};
 use serde_json::{Value, json};
 use sqlx::SqliteConnection;
+use store::brackets;
+use store::episodes::{self, EpisodeGroup, EpisodeRow};
+use store::groups::{self, GroupRow};
+use store::ids::{EpisodeId, RunId};
+use store::leases::LeaseRow;
+use store::scenarios::ScenarioLoader;
+use store::{compacted_leases, from_json};
 
 use super::episode_list::{compacted_summary, episode_summary};
 use crate::engine::error::ServiceError;
@@ -14,15 +21,8 @@ use crate::http::extract::{NoQuery, Path, Query};
 use crate::http::path_ids::{parse_id, parse_run_id};
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
-use crate::ids::{EpisodeId, RunId};
 use crate::leases::bracket_view::scenario_bracket;
 use crate::leases::find::find_lease;
-use crate::store::brackets;
-use crate::store::episodes::{self, EpisodeGroup, EpisodeRow};
-use crate::store::groups::{self, GroupRow};
-use crate::store::leases::LeaseRow;
-use crate::store::scenarios::ScenarioLoader;
-use crate::store::{compacted_leases, from_json};
 
 /// Get an episode with its scenario, outcome and actions.
 #[utoipa::path(
@@ -148,7 +148,7 @@ pub(super) async fn replay_episode(
     let frames = frames.map_err(|_| Problem::internal())?.map_err(|error| match error {
         FramesError::TooLarge { .. } => Problem::invalid("telemetry", error.to_string()),
         FramesError::Scenario(_) | FramesError::Step { .. } => {
-            crate::store::StoreError::corrupt("an action log", error).into()
+            store::StoreError::corrupt("an action log", error).into()
         }
     })?;
     Ok(axum::Json(EpisodeReplay {

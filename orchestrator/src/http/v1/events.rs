@@ -12,6 +12,9 @@ use axum::response::sse::{Event, KeepAlive, Sse};
 use futures_util::Stream;
 use serde_json::{Value, json};
 use sqlx::SqlitePool;
+use store::events::{self, EventRow};
+use store::ids::RunId;
+use store::{StoreError, from_json};
 use tokio::sync::watch;
 
 use crate::clock::rfc3339;
@@ -21,11 +24,8 @@ use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
-use crate::ids::RunId;
 use crate::limits::QuotaPermit;
 use crate::sessions::CloseSignal;
-use crate::store::events::{self, EventRow};
-use crate::store::{StoreError, from_json};
 
 /// Number of events that are read at once.
 const EVENT_BATCH: i64 = 256;

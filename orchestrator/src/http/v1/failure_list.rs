@@ -4,6 +4,8 @@ use api_types::{EpisodeFailure, FailurePage, FailureQuery};
 use axum::extract::State;
 use env_core::TaskSpec;
 use env_core::critique::BEARING_SECTORS;
+use store::failures::{self, FailureCursor, FailureFilter, ListedFailure};
+use store::ids::{EpisodeId, LeaseId};
 
 use crate::http::extract::{Path, Query};
 use crate::http::paging::{PageCursor, next_cursor, page_limit};
@@ -11,8 +13,6 @@ use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::run_reader::find_run_tasks;
 use crate::http::state::AppState;
-use crate::ids::{EpisodeId, LeaseId};
-use crate::store::failures::{self, FailureCursor, FailureFilter, ListedFailure};
 
 /// List the failures behind a profile, newest first: those of a task, or of one of its modes, sectors, bands or cells.
 #[utoipa::path(

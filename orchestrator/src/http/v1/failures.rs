@@ -10,6 +10,9 @@ use axum::extract::State;
 use env_core::TaskSpec;
 use env_core::critique::{BEARING_SECTORS, FailureModeSpec, SpeedBands};
 use sqlx::{Connection, SqliteConnection};
+use store::critiques::{self, CritiqueCounters, DecayingSum};
+use store::failures::{self, CellEpisode, EXAMPLES_PER_CELL};
+use store::ids::{EpisodeId, LeaseId, RunId};
 
 use super::episode_critique::action_verdict;
 use crate::clock::rfc3339;
@@ -21,9 +24,6 @@ use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::run_reader::find_run_tasks;
 use crate::http::state::AppState;
-use crate::ids::{EpisodeId, LeaseId, RunId};
-use crate::store::critiques::{self, CritiqueCounters, DecayingSum};
-use crate::store::failures::{self, CellEpisode, EXAMPLES_PER_CELL};
 
 /// Backlog of the critique with this number of waiting episodes.
 fn backlog(waiting: i64) -> CritiqueBacklog {

@@ -3,6 +3,10 @@
 use api_types::{DesignPage, Layout, LayoutQuery};
 use axum::extract::State;
 use env_core::TaskSpec;
+use store::brackets;
+use store::ids::LayoutId;
+use store::layouts::{self, LayoutFilter, LayoutState};
+use store::scenarios::ScenarioLoader;
 
 use super::designs::view::{design_json, design_page, design_summary};
 use super::scenarios::outcome_response;
@@ -13,11 +17,7 @@ use crate::http::paging::{number_before, page_limit};
 use crate::http::path_ids::parse_id;
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
-use crate::ids::LayoutId;
 use crate::leases::bracket_view::scenario_bracket;
-use crate::store::brackets;
-use crate::store::layouts::{self, LayoutFilter, LayoutState};
-use crate::store::scenarios::ScenarioLoader;
 
 /// States of an admitted layout.
 const STATES: [LayoutState; 2] = [LayoutState::Active, LayoutState::Retired];

@@ -1,5 +1,6 @@
 //! Mastery of a run's tasks, level moves, and the params in force.
 
+use crate::api_enums::ConvertEnum;
 use std::collections::BTreeMap;
 
 use ::curriculum::{Mastery, TaskStatus};
@@ -8,6 +9,11 @@ use api_types::{
     PageQuery, RecordedMove, RunMastery, RunParams, TaskMastery,
 };
 use axum::extract::State;
+use store::columns::ClaimCounters;
+use store::group_counters::GroupCounters;
+use store::progress::{self, TaskSpan};
+use store::task_counters::TaskCounters;
+use store::{curriculum, from_json};
 
 use crate::clock::rfc3339;
 use crate::http::extract::{NoQuery, Path, Query};
@@ -17,11 +23,6 @@ use crate::http::problem::Problem;
 use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::queries::run_progress::{RunProgress, RunProgressQuery};
-use crate::store::columns::ClaimCounters;
-use crate::store::group_counters::GroupCounters;
-use crate::store::progress::{self, TaskSpan};
-use crate::store::task_counters::TaskCounters;
-use crate::store::{curriculum, from_json};
 
 /// Largest number of parts of a task's evidence.
 const EVIDENCE_POINTS: usize = 100;
@@ -115,11 +116,10 @@ fn claimed_counts(sums: &ClaimCounters) -> ClaimedEpisodeCounts {
     ClaimedEpisodeCounts { episodes, score, failed, refused, unproven, expired }
 }
 
-impl From<TaskSpan> for EvidencePoint {
-    fn from(TaskSpan { task, span: s }: TaskSpan) -> Self {
-        let levels = s.lowest_level.zip(s.highest_level).map(|(low, high)| [low, high]);
-        Self { task, at: rfc3339(s.at), levels, n: s.groups, success: s.success_rate_sum / s.groups as f64 }
-    }
+fn evidence_point(TaskSpan { task, span: s }: TaskSpan) -> EvidencePoint {
+    let levels = s.lowest_level.zip(s.highest_level).map(|(low, high)| [low, high]);
+    let success = s.success_rate_sum / s.groups as f64;
+    EvidencePoint { task, at: rfc3339(s.at), levels, n: s.groups, success }
 }
 
 /// List the level moves of a run with their evidence, oldest first.
@@ -147,7 +147,7 @@ pub(super) async fn list_level_moves(
             Ok(RecordedMove {
                 seq: row.seq,
                 task: row.task,
-                kind: row.kind.into(),
+                kind: row.kind.convert(),
                 from: row.from_level,
                 to: row.to_level,
                 evidence: from_json("a move's evidence", &row.evidence)?,
@@ -159,11 +159,7 @@ pub(super) async fn list_level_moves(
         Some(_) => Vec::new(),
         None => progress::of_run(&mut conn, run.as_str(), EVIDENCE_POINTS).await?,
     };
-    Ok(axum::Json(LevelMovePage {
-        moves,
-        points: points.into_iter().map(EvidencePoint::from).collect(),
-        next,
-    }))
+    Ok(axum::Json(LevelMovePage { moves, points: points.into_iter().map(evidence_point).collect(), next }))
 }
 
 /// Get the params in force, by task.

@@ -1,7 +1,10 @@
 //! Overview of a run.
 
+use crate::api_enums::ConvertEnum;
 use api_types::{LatestEvent, RunOverview, TaskOverview};
 use axum::extract::State;
+use store::history::{self, HistoryPoint, HistoryWindow, MINUTE};
+use store::{events, overview, runs};
 
 use crate::clock::rfc3339;
 use crate::engine::error::ServiceError;
@@ -11,8 +14,6 @@ use crate::http::problem::Problem;
 use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::queries::task_levels::{TaskLevel, TaskLevelsQuery};
-use crate::store::history::{self, HistoryPoint, HistoryWindow, MINUTE};
-use crate::store::{events, overview, runs};
 
 /// Number of parts of the skill series.
 const SKILL_POINTS: i64 = 60;
@@ -55,7 +56,7 @@ pub(super) async fn get_overview(
         proposed: counts.proposed,
         tasks: tasks.into_iter().map(TaskOverview::from).collect(),
         skill: skill_series(&points, window, now),
-        latest_event: last.map(|last| LatestEvent { kind: last.kind.into(), at: rfc3339(last.at) }),
+        latest_event: last.map(|last| LatestEvent { kind: last.kind.convert(), at: rfc3339(last.at) }),
     }))
 }
 

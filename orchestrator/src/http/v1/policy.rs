@@ -2,6 +2,9 @@
 
 use api_types::{FeedStatus, PolicyFault, PolicyRequest, RunPolicyState};
 use axum::extract::State;
+use store::ids::RunId;
+use store::run_policies::{self, RunPolicy, TokenCounts};
+use store::trajectories;
 
 use crate::clock::rfc3339;
 use crate::http::extract::{Json, NoQuery, Path};
@@ -9,11 +12,8 @@ use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
-use crate::ids::RunId;
 use crate::rollouts::feed::MAX_UNACKED_BYTES;
 use crate::rollouts::settings::{SetPolicy, settings_from_row};
-use crate::store::run_policies::{self, RunPolicy, TokenCounts};
-use crate::store::trajectories;
 
 /// Get the policy of a run with its settings and progress.
 #[utoipa::path(

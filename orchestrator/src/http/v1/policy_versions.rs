@@ -4,6 +4,8 @@ use api_types::{
     PageQuery, PolicyVersion, PolicyVersionDescription, PolicyVersionPage, PolicyVersionResults,
 };
 use axum::extract::State;
+use store::policy_versions::{self, PolicyVersionRow, VersionResult};
+use store::runs;
 
 use crate::clock::rfc3339;
 use crate::http::extract::{Json, NoQuery, Path, Query};
@@ -13,22 +15,18 @@ use crate::http::problem::Problem;
 use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::runs::policy_version::DescribePolicyVersion;
-use crate::store::policy_versions::{self, PolicyVersionRow, VersionResult};
-use crate::store::runs;
 
-impl From<VersionResult> for PolicyVersionResults {
-    fn from(sums: VersionResult) -> Self {
-        let VersionResult { task, episodes, successes, score_sum: score, first_at, last_at, .. } = sums;
-        let finished = episodes.max(1) as f64;
-        Self {
-            task,
-            episodes,
-            successes,
-            success: successes as f64 / finished,
-            score: score / finished,
-            first_at: rfc3339(first_at),
-            last_at: rfc3339(last_at),
-        }
+fn version_results(sums: VersionResult) -> PolicyVersionResults {
+    let VersionResult { task, episodes, successes, score_sum: score, first_at, last_at, .. } = sums;
+    let finished = episodes.max(1) as f64;
+    PolicyVersionResults {
+        task,
+        episodes,
+        successes,
+        success: successes as f64 / finished,
+        score: score / finished,
+        first_at: rfc3339(first_at),
+        last_at: rfc3339(last_at),
     }
 }
 
@@ -41,7 +39,7 @@ fn policy_version(
 ) -> PolicyVersion {
     let told_at = description.as_ref().map(|row| rfc3339(row.at));
     let (checkpoint, notes) = description.map_or((None, None), |row| (row.checkpoint, row.notes));
-    let tasks = results.into_iter().map(PolicyVersionResults::from).collect();
+    let tasks = results.into_iter().map(version_results).collect();
     PolicyVersion {
         version,
         staleness: (newest - version).max(0),

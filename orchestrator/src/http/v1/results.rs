@@ -8,6 +8,7 @@ use axum::extract::{Request, State};
 use env_core::StopReason;
 use env_core::log::Precision;
 use serde_json::Value;
+use store::to_json;
 
 use crate::http::blocking::run_blocking;
 use crate::http::extract::{EncodedBody, Json, NoQuery, Path};
@@ -20,7 +21,6 @@ use crate::results::refusal::Refusal;
 use crate::results::report::ReportReceipts;
 use crate::results::report_summary::ReportSummary;
 use crate::results::reported::{ReportedEpisode, ReportedOutcome};
-use crate::store::to_json;
 
 /// Largest number of results in a batch.
 const MAX_RESULTS: usize = 5000;

@@ -2,6 +2,8 @@
 
 use api_types::{PageQuery, RunSettingsPage, RunSettingsVersion};
 use axum::extract::State;
+use store::from_json;
+use store::runs::{self, SettingsRow};
 
 use crate::clock::rfc3339;
 use crate::http::extract::{Path, Query};
@@ -10,8 +12,6 @@ use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
-use crate::store::from_json;
-use crate::store::runs::{self, SettingsRow};
 
 /// List the settings of a run and their earlier versions, newest first.
 #[utoipa::path(

@@ -1,11 +1,16 @@
 //! Runs: create, list, get, pause, archive and resume.
 
+use crate::api_enums::ConvertEnum;
 use api_types::{
     Judge, PolicyVersionRequest, Run, RunPage, RunQuery, RunRequest, RunSummary, RunWarning, RunWarnings,
 };
 use axum::Extension;
 use axum::extract::State;
 use axum::http::StatusCode;
+use store::ids::LeaseId;
+use store::run_warnings::{self, RunWarningRow};
+use store::runs::{self, RunCursor, RunRow};
+use store::{from_json, to_u64};
 
 use super::failures::critique_backlog;
 use crate::clock::rfc3339;
@@ -16,13 +21,9 @@ use crate::http::paging::{PageCursor, next_cursor, page_limit};
 use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
-use crate::ids::LeaseId;
 use crate::runs::create_run::CreateRun;
 use crate::runs::run_status::{RunAction, SetRunStatus};
 use crate::runs::set_policy_version::SetPolicyVersion;
-use crate::store::run_warnings::{self, RunWarningRow};
-use crate::store::runs::{self, RunCursor, RunRow};
-use crate::store::{from_json, to_u64};
 
 /// Number of warnings that a run shows.
 const MAX_WARNINGS: i64 = 20;
@@ -37,18 +38,16 @@ pub(super) fn run_from_row(row: RunRow) -> Result<RunSummary, Problem> {
         id: row.id,
         name: row.name,
         seed: to_u64(row.seed),
-        status: row.status.into(),
+        status: row.status.convert(),
         created_at: rfc3339(row.created_at),
         archived_at: row.archived_at.map(rfc3339),
         policy_version: row.policy_version,
     })
 }
 
-impl From<RunWarningRow> for RunWarning {
-    fn from(row: RunWarningRow) -> Self {
-        let lease = row.lease.zip(row.token).map(|(number, token)| LeaseId { number, token }.to_string());
-        Self { kind: row.kind.into(), lease, message: row.message, at: rfc3339(row.at) }
-    }
+fn run_warning(row: RunWarningRow) -> RunWarning {
+    let lease = row.lease.zip(row.token).map(|(number, token)| LeaseId { number, token }.to_string());
+    RunWarning { kind: row.kind.convert(), lease, message: row.message, at: rfc3339(row.at) }
 }
 
 /// Create a run. All fields are optional: `{}` creates a ladder over the tasks of the first world.
@@ -115,7 +114,7 @@ pub(super) async fn get_run(
     let row = row.ok_or_else(|| ServiceError::UnknownRun(run.to_string()))?;
     let critique_backlog = critique_backlog(&mut conn, &run).await?;
     let warnings = run_warnings::newest(&mut conn, run.as_str(), MAX_WARNINGS).await?;
-    let newest = warnings.newest.into_iter().map(RunWarning::from).collect();
+    let newest = warnings.newest.into_iter().map(run_warning).collect();
     let warnings = RunWarnings { count: warnings.count, newest };
     Ok(axum::Json(Run { summary: run_from_row(row)?, critique_backlog, warnings }))
 }

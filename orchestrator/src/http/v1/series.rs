@@ -2,6 +2,8 @@
 
 use api_types::{ParamSeries, RunSeries, SeriesQuery, TaskSeries};
 use axum::extract::State;
+use store::history::{self, HistoryBucket, HistoryPoint, HistoryWindow};
+use store::runs;
 
 use crate::clock::{Millis, rfc3339};
 use crate::http::extract::{Path, Query};
@@ -10,8 +12,6 @@ use crate::http::problem::Problem;
 use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::queries::current_mastery::{CurrentMastery, update_last_points};
-use crate::store::history::{self, HistoryBucket, HistoryPoint, HistoryWindow};
-use crate::store::runs;
 
 /// Default number of points of a series.
 const DEFAULT_POINTS: u32 = 300;

@@ -3,14 +3,14 @@
 use std::collections::BTreeSet;
 
 use sqlx::SqliteConnection;
+use store::StoreError;
+use store::proposals::{self, PreparedProposal, ProposalKey};
 
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
 use crate::leases::prepare::PreparedScenario;
 use crate::leases::refill;
-use crate::store::proposals::{self, PreparedProposal, ProposalKey};
-use crate::store::{self, StoreError};
 
 /// Stores scenarios with their brackets, each once.
 pub(crate) async fn store_scenarios(

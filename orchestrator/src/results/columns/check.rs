@@ -1,8 +1,9 @@
 //! Compares audited episodes with their claimed scores.
 
+use store::episodes::EpisodeRow;
+use store::groups::GroupRow;
+
 use crate::results::columns::table::MAX_SCORE_GAP;
-use crate::store::episodes::EpisodeRow;
-use crate::store::groups::GroupRow;
 
 /// Outcome of comparing an audited episode with its claim.
 #[derive(Debug, Clone, PartialEq, Eq)]

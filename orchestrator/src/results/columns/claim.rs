@@ -1,13 +1,19 @@
 //! Stores a claim: the results of all episodes of a lease as columns.
 
 use api_types::EvidenceFrom;
+use store::columns::{self, ClaimState, ColumnClaimRow, RangeTotals, SeedRangeRow};
+use store::compacted_leases::{self, CompactedClaim};
+use store::groups::{self, GroupRow, GroupState};
+use store::ids::{LeaseId, RunId};
+use store::leases::{self, LeaseRow, LeaseStatus, Purpose};
+use store::scenarios::{self, ScenarioLoader};
+use store::{from_json, runs};
 
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::run_tx::RunTx;
 use crate::engine::write_tx::WriteTx;
-use crate::ids::{LeaseId, RunId};
 use crate::leases::find::find_lease;
 use crate::leases::lease_service::LeaseService;
 use crate::results::columns::draw::{DrawnGroup, RecipeRange, draw_audit};
@@ -15,12 +21,6 @@ use crate::results::columns::settle::settle;
 use crate::results::columns::status::{ClaimStatus, claim_status_of};
 use crate::results::columns::table::{Columns, MAX_SCORE_GAP, range_episodes, range_totals};
 use crate::runs::settings::RunSettings;
-use crate::store::columns::{self, ClaimState, ColumnClaimRow, RangeTotals, SeedRangeRow};
-use crate::store::compacted_leases::{self, CompactedClaim};
-use crate::store::groups::{self, GroupRow, GroupState};
-use crate::store::leases::{self, LeaseRow, LeaseStatus, Purpose};
-use crate::store::scenarios::{self, ScenarioLoader};
-use crate::store::{from_json, runs};
 
 /// Share of failed episodes above which a claim is no evidence; the same share as of a block.
 const MAX_FAILED_SHARE: f64 = 0.1;

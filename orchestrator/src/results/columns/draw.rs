@@ -7,11 +7,11 @@ use env_core::{Recipe, Scenario};
 use rand::seq::index;
 use rand::{SeedableRng, TryRng};
 use rand_chacha::ChaCha12Rng;
+use store::columns::SeedRangeRow;
 
 use crate::engine::error::ServiceError;
 use crate::leases::columns::scenario_of;
 use crate::results::columns::table::Columns;
-use crate::store::columns::SeedRangeRow;
 
 /// Groups tried for each group that can be audited: a scenario without a fair start cannot be run.
 const MAX_TRIES: usize = 16;

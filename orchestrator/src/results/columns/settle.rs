@@ -3,6 +3,16 @@
 
 use std::collections::BTreeMap;
 
+use store::columns::{self, ClaimCounters, ClaimState, ColumnClaimRow, SeedRangeRow};
+use store::critiques::{self, NewCritiqueJob};
+use store::episodes::{self, FinishedEpisode};
+use store::groups::{self, GroupRow, GroupState};
+use store::keys::EpisodeSpan;
+use store::leases::{self, LeaseRow, LeaseStatus};
+use store::run_warnings::{self, NewWarning, WarningKind};
+use store::runs;
+use store::task_counters::{self, TaskCounters, TaskCountersKey};
+
 use crate::critiques::criticise::MAX_JOB_EPISODES;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
@@ -11,15 +21,6 @@ use crate::engine::write_tx::WriteTx;
 use crate::metrics::LeaseEvent;
 use crate::results::close::close_groups;
 use crate::results::report_summary::ReportSummary;
-use crate::store::columns::{self, ClaimCounters, ClaimState, ColumnClaimRow, SeedRangeRow};
-use crate::store::critiques::{self, NewCritiqueJob};
-use crate::store::episodes::{self, FinishedEpisode};
-use crate::store::groups::{self, GroupRow, GroupState};
-use crate::store::keys::EpisodeSpan;
-use crate::store::leases::{self, LeaseRow, LeaseStatus};
-use crate::store::run_warnings::{self, NewWarning, WarningKind};
-use crate::store::runs;
-use crate::store::task_counters::{self, TaskCounters, TaskCountersKey};
 
 /// How a claim ends.
 #[derive(Debug, Clone, Copy)]

@@ -1,11 +1,11 @@
 //! State of the claim of a lease of columns.
 
 use sqlx::SqliteConnection;
+use store::columns::{self, ClaimState, ColumnClaimRow};
+use store::leases::LeaseRow;
 
 use crate::engine::error::ServiceError;
 use crate::results::columns::table::{Columns, decode};
-use crate::store::columns::{self, ClaimState, ColumnClaimRow};
-use crate::store::leases::LeaseRow;
 
 /// A claim and its audit.
 #[derive(Debug, Clone, PartialEq)]

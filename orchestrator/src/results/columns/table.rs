@@ -1,9 +1,10 @@
 //! Columns: the claimed results of all episodes of a lease, one entry per episode, in order.
 
+use store::columns::{RangeTotals, SeedRangeRow};
+use store::{StoreError, digest};
+
 use crate::engine::error::ServiceError;
 use crate::leases::columns::MAX_COLUMN_GROUPS;
-use crate::store::columns::{RangeTotals, SeedRangeRow};
-use crate::store::{StoreError, digest};
 
 /// Largest difference between a claimed score and its replay, as a share of the score's range. A trainer that sums a thousand rewards
 /// in single precision is off by at most 1e-5 of the range (each addition errs by 2^-24 of the sum).

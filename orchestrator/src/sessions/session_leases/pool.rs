@@ -7,7 +7,7 @@ use api_types::Judge;
 use env_core::Scenario;
 use tokio::time::Instant;
 
-use crate::ids::{EpisodeId, LeaseId, RunId};
+use store::ids::{EpisodeId, LeaseId, RunId};
 
 /// Lease with the episodes that no session has reserved.
 #[derive(Debug)]

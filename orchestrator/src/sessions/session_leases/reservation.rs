@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use api_types::{Judge, ResultReceipt};
 use env_core::{ActionLog, Scenario};
+use store::ids::{EpisodeId, RunId};
 
 use super::{SessionLeases, SharedPool};
 use crate::engine::error::ServiceError;
-use crate::ids::{EpisodeId, RunId};
 use crate::leases::end::ReleaseLease;
 use crate::results::reported::{ReportedEpisode, ReportedOutcome};
 use crate::sessions::session_request::EpisodeSource;

@@ -5,8 +5,8 @@ use env_core::batch::episode_assigner::{
 };
 use env_core::batch::{Autoreset, BatchShape};
 use parking_lot::MutexGuard;
+use store::ids::EpisodeId;
 
-use crate::ids::EpisodeId;
 use crate::results::reported::{ReportedEpisode, ReportedOutcome};
 use crate::sessions::session_leases::SharedPool;
 use crate::sessions::session_leases::pool::EpisodePool;

@@ -5,10 +5,10 @@ use std::sync::Arc;
 use api_types::{ReceiptStatus, ResultReceipt};
 use parking_lot::Mutex;
 use serde::Serialize;
+use store::ids::RunId;
 use tokio::sync::{mpsc, oneshot};
 
 use crate::engine::error::ServiceError;
-use crate::ids::RunId;
 use crate::results::reported::ReportedEpisode;
 use crate::sessions::session_leases::SessionLeases;
 

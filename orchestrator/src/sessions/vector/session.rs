@@ -5,6 +5,7 @@ use std::sync::Arc;
 use axum::body::Bytes;
 use env_core::TaskSpec;
 use env_core::batch::{Autoreset, BatchError};
+use store::ids::{LeaseId, RunId};
 use tokio::sync::OwnedSemaphorePermit;
 
 use super::assigner::LeaseAssigner;
@@ -13,7 +14,6 @@ use super::error::VectorError;
 use super::frame::{FrameCommand, FrameLayout};
 use super::reporter::{EpisodeReporter, EpisodeTally};
 use super::run_on;
-use crate::ids::{LeaseId, RunId};
 use crate::limits::QuotaPermit;
 use crate::sessions::session_leases::{SessionLeases, SharedPool};
 

@@ -6,11 +6,12 @@ use std::time::Duration;
 
 use futures_util::future::join_all;
 use rayon::prelude::*;
+use store::ids::{LeaseId, RunId};
+use store::run_policies::RunPolicy;
 use tokio::sync::oneshot;
 
 use super::RolloutWorker;
 use crate::engine::error::ServiceError;
-use crate::ids::{LeaseId, RunId};
 use crate::leases::renew::RenewLease;
 use crate::metrics;
 use crate::results::report::StoreResults;
@@ -20,7 +21,6 @@ use crate::rollouts::rollout_lease::{ROLLOUT_TTL_S, ReturnRolloutLease};
 use crate::rollouts::run_episode::{RolloutOutcome, roll_out_built_in, roll_out_chat};
 use crate::rollouts::settings::SetPolicyError;
 use crate::rollouts::{RecordingBudget, RolloutError, RolloutGroup};
-use crate::store::run_policies::RunPolicy;
 
 /// Maximum number of retries of storing a group while the server is busy.
 const MAX_STORE_RETRIES: u32 = 40;

@@ -3,6 +3,7 @@
 use api_types::{CreateDesignRequest, DesignRequestSummary};
 use axum::extract::State;
 use axum::http::{HeaderName, StatusCode, header};
+use store::ids::DesignRequestId;
 
 use super::view::request_summary;
 use crate::designs::request_design::RequestDesign;
@@ -10,7 +11,6 @@ use crate::http::extract::{Json, NoQuery, Path};
 use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
-use crate::ids::DesignRequestId;
 
 /// Request layouts from a designer that aim at the agent's failures. The server responds at once and designs in the background; the
 /// `state` of the request shows its progress.

@@ -1,7 +1,12 @@
 //! One design with its encounters, scenario and history.
 
+use crate::api_enums::ConvertEnum;
 use api_types::{Design, DesignTransition};
 use axum::extract::State;
+use store::ids::{EpisodeId, LeaseId};
+use store::layouts::{self, LayoutEpisode};
+use store::scenarios::ScenarioLoader;
+use store::{brackets, layout_transitions};
 
 use super::view::{design_json, design_summary};
 use crate::clock::rfc3339;
@@ -11,11 +16,7 @@ use crate::http::path_ids::{parse_id, parse_run_id};
 use crate::http::problem::Problem;
 use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
-use crate::ids::{EpisodeId, LeaseId};
 use crate::leases::bracket_view::scenario_bracket;
-use crate::store::layouts::{self, LayoutEpisode};
-use crate::store::scenarios::ScenarioLoader;
-use crate::store::{brackets, layout_transitions};
 
 /// Largest number of episodes that are listed.
 const MAX_EPISODES: i64 = 16;
@@ -49,7 +50,7 @@ pub(in crate::http::v1) async fn get_design(
         bracket,
         transitions: transitions
             .map(|turn| DesignTransition {
-                state: turn.state.into(),
+                state: turn.state.convert(),
                 reason: turn.reason,
                 at: rfc3339(turn.at),
             })

@@ -2,6 +2,8 @@
 
 use api_types::{DesignPage, DesignQuery};
 use axum::extract::State;
+use store::ids::DesignRequestId;
+use store::layouts::{self, LayoutFilter, LayoutState};
 
 use super::view::design_page;
 use crate::http::extract::{Path, Query};
@@ -11,8 +13,6 @@ use crate::http::path_ids::{parse_id, parse_run_id};
 use crate::http::problem::Problem;
 use crate::http::run_reader::find_run_tasks;
 use crate::http::state::AppState;
-use crate::ids::DesignRequestId;
-use crate::store::layouts::{self, LayoutFilter, LayoutState};
 
 /// List the designs of a run, newest first: active and retired layouts, and designs that the gate refused. At most 64 refused designs of
 /// a request are kept; the request and the statistics count all of them.

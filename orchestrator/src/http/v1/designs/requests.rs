@@ -2,6 +2,9 @@
 
 use api_types::{DesignRequest, DesignRequestPage, DesignRequestQuery};
 use axum::extract::State;
+use store::design_requests::{self, RequestFilter, RequestState};
+use store::from_json;
+use store::ids::DesignRequestId;
 
 use super::view::request_summary;
 use crate::engine::error::ServiceError;
@@ -12,9 +15,6 @@ use crate::http::path_ids::{parse_id, parse_run_id};
 use crate::http::problem::Problem;
 use crate::http::run_reader::{acquire_run_reader, find_run_tasks};
 use crate::http::state::AppState;
-use crate::ids::DesignRequestId;
-use crate::store::design_requests::{self, RequestFilter, RequestState};
-use crate::store::from_json;
 
 /// List the requests to designers of a run, newest first.
 #[utoipa::path(

@@ -1,9 +1,13 @@
 //! Numbers of a run's designs.
 
+use crate::api_enums::ConvertEnum;
 use api_types::{DesignStatistics, DesignerUsage, GateCheckCount, TaskDesigns};
 use axum::extract::State;
 use designer::GateCheck;
 use sqlx::Connection;
+use store::design_counters::{self, GateCount, LayoutCount, TrainingGroups};
+use store::layouts::{LayoutState, RetirementReason};
+use store::{StoreError, design_requests, from_json, runs};
 
 use crate::designs::finish_design::ADMITTED;
 use crate::engine::error::ServiceError;
@@ -12,9 +16,6 @@ use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::runs::settings::RunSettings;
-use crate::store::design_counters::{self, GateCount, LayoutCount, TrainingGroups};
-use crate::store::layouts::{LayoutState, RetirementReason};
-use crate::store::{StoreError, design_requests, from_json, runs};
 
 /// Get the numbers of a run's designs: by state, by check of the gate, and their share of training.
 #[utoipa::path(
@@ -50,7 +51,7 @@ pub(in crate::http::v1) async fn get_design_statistics(
         designers: totals
             .into_iter()
             .map(|totals| DesignerUsage {
-                designer: totals.designer.into(),
+                designer: totals.designer.convert(),
                 requests: totals.requests,
                 failed: totals.failed,
                 tokens_in: totals.tokens_in,

@@ -1,16 +1,17 @@
 //! Conversion of stored designs and design requests to responses.
 
+use crate::api_enums::ConvertEnum;
 use api_types::{DesignAim, DesignPage, DesignRequestSummary, DesignResults, DesignSummary};
 use serde_json::Value;
+use store::StoreError;
+use store::design_requests::{DesignRequestRow, DesignerKind};
+use store::from_json;
+use store::ids::{DesignRequestId, LayoutId};
+use store::layouts::LayoutRow;
 
 use crate::clock::rfc3339;
 use crate::http::paging::{PageCursor, next_cursor};
 use crate::http::problem::Problem;
-use crate::ids::{DesignRequestId, LayoutId};
-use crate::store::StoreError;
-use crate::store::design_requests::{DesignRequestRow, DesignerKind};
-use crate::store::from_json;
-use crate::store::layouts::LayoutRow;
 
 /// Converts the row of a layout.
 ///
@@ -32,11 +33,11 @@ pub(in crate::http::v1) fn design_summary(row: &LayoutRow) -> Result<DesignSumma
         level: row.level,
         name: row.name.clone(),
         request: DesignRequestId(row.request).to_string(),
-        designer: designer.into(),
+        designer: designer.convert(),
         round: row.round,
         aim,
-        claim: row.claim.map(Into::into),
-        state: row.state.into(),
+        claim: row.claim.map(ConvertEnum::convert),
+        state: row.state.convert(),
         state_reason: row.retirement_reason.map(|why| why.to_string()).or_else(|| row.gate_check.clone()),
         refusal_reason: row.refusal_reason.clone(),
         novelty: row.novelty,
@@ -84,9 +85,9 @@ pub(super) fn request_summary(row: DesignRequestRow) -> Result<DesignRequestSumm
         warnings: from_json("the warnings of a design request", &row.errors)?,
         task: row.task,
         level: row.level,
-        designer: row.designer.into(),
-        requested_by: row.requested_by.into(),
-        state: row.state.into(),
+        designer: row.designer.convert(),
+        requested_by: row.requested_by.convert(),
+        state: row.state.convert(),
         wanted: row.wanted,
         admitted: row.admitted,
         refused: row.refused,

@@ -2,6 +2,7 @@
 
 use api_types::EvaluationSummary;
 use axum::extract::State;
+use store::ids::EvaluationId;
 
 use super::view::evaluation_summary;
 use crate::evaluation::cancel::CancelEvaluation;
@@ -9,7 +10,6 @@ use crate::http::extract::{NoQuery, Path};
 use crate::http::path_ids::parse_id;
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
-use crate::ids::EvaluationId;
 
 /// Cancel an evaluation. It becomes `failed` and grants no more leases; its results so far remain. A complete evaluation cannot be
 /// cancelled (409). Cancelling a failed one changes nothing.

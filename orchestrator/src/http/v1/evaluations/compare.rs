@@ -2,6 +2,7 @@
 
 use api_types::{Comparison, ComparisonQuery, ComparisonSide};
 use axum::extract::State;
+use store::ids::{EvaluationId, InvalidId};
 
 use crate::engine::error::ServiceError;
 use crate::evaluation::read::{
@@ -11,7 +12,6 @@ use crate::http::blocking::run_blocking;
 use crate::http::extract::Query;
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
-use crate::ids::{EvaluationId, InvalidId};
 
 /// Compare evaluations of one suite: paired by scenario, and across trainings if a side has several.
 #[utoipa::path(

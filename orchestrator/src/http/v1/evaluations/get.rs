@@ -2,6 +2,8 @@
 
 use api_types::Evaluation;
 use axum::extract::State;
+use store::evaluations::{self, EvaluationState};
+use store::ids::EvaluationId;
 
 use super::view::evaluation_summary;
 use crate::engine::error::ServiceError;
@@ -11,8 +13,6 @@ use crate::http::extract::{NoQuery, Path};
 use crate::http::path_ids::parse_id;
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
-use crate::ids::EvaluationId;
-use crate::store::evaluations::{self, EvaluationState};
 
 /// Get an evaluation, with its results if it is complete.
 #[utoipa::path(

@@ -2,13 +2,13 @@
 
 use api_types::{EvaluationPage, PageQuery};
 use axum::extract::State;
+use store::evaluations;
 
 use super::view::evaluation_summary;
 use crate::http::extract::Query;
 use crate::http::paging::{PageCursor, next_cursor, number_before, page_limit};
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
-use crate::store::evaluations;
 
 /// List evaluations, newest first.
 #[utoipa::path(

@@ -2,6 +2,9 @@
 
 use api_types::{EvaluationScenario, EvaluationScenarioPage, PageQuery, SuiteSection};
 use axum::extract::State;
+use store::evaluations::{self, EntryEpisodes};
+use store::from_json;
+use store::ids::EvaluationId;
 
 use crate::engine::error::ServiceError;
 use crate::evaluation::read::suite_of;
@@ -12,9 +15,6 @@ use crate::http::paging::{PageCursor, next_cursor, number_after, page_limit};
 use crate::http::path_ids::parse_id;
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
-use crate::ids::EvaluationId;
-use crate::store::evaluations::{self, EntryEpisodes};
-use crate::store::from_json;
 
 /// List the scenarios of an evaluation with their results so far, in the order of the suite.
 #[utoipa::path(

@@ -1,10 +1,12 @@
 //! Conversion of stored evaluations to responses.
 
+use crate::api_enums::ConvertEnum;
 use api_types::EvaluationSummary;
 
+use store::evaluations::EvaluationRow;
+use store::ids::EvaluationId;
+
 use crate::clock::rfc3339;
-use crate::ids::EvaluationId;
-use crate::store::evaluations::EvaluationRow;
 
 /// Converts the row of an evaluation.
 pub(super) fn evaluation_summary(row: EvaluationRow) -> EvaluationSummary {
@@ -21,7 +23,7 @@ pub(super) fn evaluation_summary(row: EvaluationRow) -> EvaluationSummary {
         training_seed: row.training_seed,
         rollouts: row.rollouts,
         stochastic: row.is_stochastic,
-        state: row.state.into(),
+        state: row.state.convert(),
         error: row.error,
         scenarios: row.scenarios,
         scenarios_done: row.scenarios_done,

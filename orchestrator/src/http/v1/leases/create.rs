@@ -1,9 +1,11 @@
 //! Creation of a lease.
 
+use crate::api_enums::ConvertEnum;
 use api_types::{Lease, LeaseForm, LeaseRequest};
 use axum::Extension;
 use axum::extract::State;
 use axum::http::StatusCode;
+use store::ids::EvaluationId;
 
 use super::view::{lease_from_cache, load_lease};
 use crate::http::access::Caller;
@@ -11,7 +13,6 @@ use crate::http::extract::{Json, NoQuery, Path};
 use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
-use crate::ids::EvaluationId;
 use crate::leases::columns::CreateColumnLease;
 use crate::leases::create::{CreateLease, GrantedLease};
 
@@ -46,7 +47,7 @@ pub(in crate::http::v1) async fn create_lease(
         group_size,
         policy_version,
         ttl_s,
-        purpose: purpose.into(),
+        purpose: purpose.convert(),
         owner,
         refill,
         evaluation,

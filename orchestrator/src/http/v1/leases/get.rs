@@ -2,6 +2,7 @@
 
 use api_types::Lease;
 use axum::extract::State;
+use store::groups;
 
 use super::view::load_lease;
 use crate::engine::error::ServiceError;
@@ -10,7 +11,6 @@ use crate::http::path_ids::{parse_id, parse_run_id};
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::leases::find::find_lease;
-use crate::store::groups;
 
 /// Get a lease with its groups. Of a lease that the run no longer keeps complete, only groups remain that a level move, a layout or
 /// an example of a failure depends on.

@@ -2,6 +2,7 @@
 
 use api_types::{LeasePage, PageQuery};
 use axum::extract::State;
+use store::{compacted_leases, leases};
 
 use super::view::lease_summary;
 use crate::http::extract::{Path, Query};
@@ -10,7 +11,6 @@ use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
-use crate::store::{compacted_leases, leases};
 
 /// List the leases of a run, oldest first.
 #[utoipa::path(

@@ -1,28 +1,29 @@
 //! Conversion of stored leases to responses, with their groups and without.
 
+use crate::api_enums::ConvertEnum;
 use api_types::{Lease, LeaseSummary, LeasedGroup, SeedRange};
 use env_core::{Recipe, RecipeId};
 use serde_json::Value;
 use sqlx::SqliteConnection;
+use store::columns::{self, SeedRangeRow};
+use store::groups::GroupRow;
+use store::ids::{EpisodeId, LayoutId, LeaseId};
+use store::leases::LeaseRow;
+use store::scenarios::ScenarioLoader;
+use store::to_u64;
 
 use crate::clock::rfc3339;
 use crate::http::problem::Problem;
-use crate::ids::{EpisodeId, LayoutId, LeaseId};
 use crate::leases::bracket_view::scenario_bracket;
 use crate::leases::scenario_cache::ScenarioCache;
-use crate::store::columns::{self, SeedRangeRow};
-use crate::store::groups::GroupRow;
-use crate::store::leases::LeaseRow;
-use crate::store::scenarios::ScenarioLoader;
-use crate::store::to_u64;
 
 /// Converts the row of a lease, without its groups.
 pub(super) fn lease_summary(row: LeaseRow) -> LeaseSummary {
     LeaseSummary {
         lease: LeaseId { number: row.id, token: row.token }.to_string(),
-        purpose: row.purpose.into(),
-        form: row.form.into(),
-        status: row.status.into(),
+        purpose: row.purpose.convert(),
+        form: row.form.convert(),
+        status: row.status.convert(),
         groups: row.groups,
         group_size: row.group_size,
         created_at: rfc3339(row.created_at),
@@ -74,9 +75,9 @@ fn build_lease(
     Ok(Lease {
         lease: lease.to_string(),
         run: row.run,
-        purpose: row.purpose.into(),
-        form: row.form.into(),
-        status: row.status.into(),
+        purpose: row.purpose.convert(),
+        form: row.form.convert(),
+        status: row.status.convert(),
         group_size: row.group_size,
         policy_version: row.policy_version,
         expires_at: rfc3339(row.expires_at),
@@ -118,7 +119,7 @@ async fn load_ranges(
             recipe,
             task,
             level,
-            role: role.into(),
+            role: role.convert(),
             first_group,
             groups,
             seed: to_u64(seed),
@@ -147,9 +148,9 @@ fn leased_group(
         bracket: bracket.map(|bracket| scenario_bracket(scenario, bracket)),
         task: group.task,
         level: group.level,
-        role: group.role.into(),
+        role: group.role.convert(),
         train: group.is_for_training,
         layout: group.layout.map(|id| LayoutId(id).to_string()),
-        state: group.state.into(),
+        state: group.state.convert(),
     }
 }

@@ -7,10 +7,10 @@ use env_core::batch::{Autoreset, ObservationMode};
 use env_core::{Scenario, TaskSpec};
 use serde::Deserialize;
 use serde_json::{Map, Value};
+use store::ids::InvalidId;
 
 use super::error_message::ErrorMessage;
 use crate::http::openenv::{built_in_task, known_tasks, task_by_name};
-use crate::ids::InvalidId;
 use crate::input::from_value;
 use crate::sessions::{EpisodeSource, MAX_NAME_CHARS, SessionRequest, VectorRequest};
 

@@ -6,6 +6,8 @@ use api_types::{DeliveredGroup, TrajectoryPage, TrajectoryQuery};
 use axum::extract::State;
 use axum::http::HeaderMap;
 use axum::response::Response;
+use store::ids::RunId;
+use store::trajectories::{self, FeedGroup};
 use tokio::time::Instant;
 
 use super::response::{PackedFeedGroup, feed_response};
@@ -16,9 +18,7 @@ use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
-use crate::ids::RunId;
 use crate::rollouts::feed::{DeliverGroups, limit_bytes};
-use crate::store::trajectories::{self, FeedGroup};
 
 /// Validated request for groups of a feed.
 struct PullRequest {

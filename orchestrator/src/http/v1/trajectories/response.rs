@@ -6,10 +6,10 @@ use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use futures_util::StreamExt;
 use futures_util::stream;
+use store::trajectories::FeedGroup;
 
 use crate::http::content_negotiation::{LINES, MESSAGE_PACK, ResponseFormat, json_to_messagepack};
 use crate::rollouts::packed_group::unpack;
-use crate::store::trajectories::FeedGroup;
 
 /// Group of a feed, compressed as it is stored.
 pub(super) struct PackedFeedGroup {

@@ -1,0 +1,127 @@
+//! Errors of the store.
+
+use env_core::{LogError, ScenarioError};
+
+use super::text_enum::UnknownWord;
+
+/// Failure of a store operation.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// SQLite reported an error.
+    #[error("the database failed: {0}")]
+    Database(sqlx::Error),
+    /// The transaction was rolled back.
+    #[error("the database undid what was under way: {0}")]
+    RolledBack(Outage),
+    /// A stored value cannot be decoded: the file was changed by hand, or by a newer version.
+    #[error("{item} in the database cannot be read: {reason}")]
+    Corrupt {
+        /// Name of the value, for example `a scenario`.
+        item: &'static str,
+        /// Why it cannot be decoded.
+        reason: String,
+    },
+}
+
+/// Why an intact database cannot be used for now.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Outage {
+    /// The disk is full.
+    #[error("the disk is full, or the file may not grow; make room, and it goes on by itself")]
+    Full,
+    /// Another process holds a lock.
+    #[error("another process holds the database; it goes on by itself when that lets go")]
+    Locked,
+    /// Reads or writes fail.
+    #[error(
+        "the disk fails, or the file or its folder may not be used; the server's log has the system's word for it"
+    )]
+    Disk,
+    /// The file was removed or replaced: writes would be lost.
+    #[error(
+        "the database's file, or the .lock beside it, was removed or replaced while it was served; nothing more is taken: stop the server, put the file back, and start it again"
+    )]
+    Gone,
+}
+
+impl StoreError {
+    /// The outage behind the error, if there is one.
+    #[must_use]
+    pub fn outage(&self) -> Option<Outage> {
+        match self {
+            Self::Database(error) => Outage::of(error),
+            Self::RolledBack(outage) => Some(*outage),
+            Self::Corrupt { .. } => None,
+        }
+    }
+
+    /// True if the file itself is damaged: its pages are malformed, or it is not a database.
+    #[must_use]
+    pub fn is_damage(&self) -> bool {
+        let is_damage = |code| matches!(code, ResultCode::CORRUPT | ResultCode::NOT_A_DATABASE);
+        matches!(self, Self::Database(error) if ResultCode::of(error).is_some_and(is_damage))
+    }
+
+    /// The error for a stored value that cannot be decoded.
+    #[must_use]
+    pub fn corrupt(item: &'static str, reason: impl std::fmt::Display) -> Self {
+        Self::Corrupt { item, reason: format!("{reason}") }
+    }
+}
+
+impl From<sqlx::Error> for StoreError {
+    fn from(error: sqlx::Error) -> Self {
+        let unknown = match &error {
+            sqlx::Error::ColumnDecode { source, .. } => source.downcast_ref::<UnknownWord>(),
+            _ => None,
+        };
+        match unknown {
+            Some(unknown) => Self::corrupt(unknown.item, unknown),
+            None => Self::Database(error),
+        }
+    }
+}
+
+impl From<ScenarioError> for StoreError {
+    fn from(error: ScenarioError) -> Self {
+        Self::corrupt("a scenario", error)
+    }
+}
+
+impl From<LogError> for StoreError {
+    fn from(error: LogError) -> Self {
+        Self::corrupt("an action log", error)
+    }
+}
+
+impl Outage {
+    fn of(error: &sqlx::Error) -> Option<Self> {
+        match ResultCode::of(error)? {
+            ResultCode::FULL => Some(Self::Full),
+            ResultCode::BUSY | ResultCode::LOCKED => Some(Self::Locked),
+            ResultCode::READ_ONLY | ResultCode::IO | ResultCode::CANNOT_OPEN => Some(Self::Disk),
+            _ => None,
+        }
+    }
+}
+
+/// Primary result code of SQLite (sqlite.org/rescode.html).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct ResultCode(i32);
+
+impl ResultCode {
+    pub(super) const BUSY: Self = Self(5);
+    pub(super) const LOCKED: Self = Self(6);
+    pub(super) const READ_ONLY: Self = Self(8);
+    pub(super) const IO: Self = Self(10);
+    pub(super) const CORRUPT: Self = Self(11);
+    pub(super) const FULL: Self = Self(13);
+    pub(super) const CANNOT_OPEN: Self = Self(14);
+    pub(super) const NOT_A_DATABASE: Self = Self(26);
+
+    /// The code of an error that SQLite reported. It is the low byte of the extended code.
+    pub(super) fn of(error: &sqlx::Error) -> Option<Self> {
+        let code = error.as_database_error()?.code()?.parse::<i32>().ok()?;
+        Some(Self(code & 0xff))
+    }
+}

@@ -1,0 +1,269 @@
+//! Groups of leases. Table `groups`.
+
+use sqlx::{QueryBuilder, Sqlite, SqliteConnection, query};
+
+use super::keys::GroupKey;
+use super::{MAX_ROWS, StoreError, text_enum, to_json};
+use crate::Millis;
+
+text_enum! {
+    /// State of a group.
+    pub enum GroupState: "a group's state" {
+        /// Episodes are still missing.
+        Open = "open",
+        /// All of its episodes finished.
+        Complete = "complete",
+        /// Enough episodes finished for the group to count, but not all.
+        Partial = "partial",
+        /// Too few episodes finished.
+        Lost = "lost",
+    }
+}
+
+text_enum! {
+    /// Role of a group: the role of its proposal, or its origin if it has no proposal.
+    pub enum GroupRole: "a group's role" {
+        /// Finds the level at which a new run starts.
+        Placement = "placement",
+        /// At the current level.
+        Frontier = "frontier",
+        /// A level that was passed already.
+        Rehearsal = "rehearsal",
+        /// Drawn by a strategy without levels, or for an evaluation lease.
+        Sample = "sample",
+        /// A scenario that the agent has not seen.
+        Explore = "explore",
+        /// A scenario that is repeated because the agent still learns from it.
+        Replay = "replay",
+        /// An edit of a repeated scenario.
+        Edit = "edit",
+        /// One parameter at its bound.
+        Boundary = "boundary",
+        /// On a designed layout.
+        Designed = "designed",
+        /// A scenario of an evaluation suite.
+        Suite = "suite",
+    }
+}
+
+/// Row of the `groups` table, without its lease.
+#[derive(Debug, Clone)]
+pub struct GroupRow {
+    /// Number of the group in the lease, from 0.
+    pub number: i64,
+    /// Sequence number of the proposal that the group serves; none for evaluations and designed layouts.
+    pub proposal: Option<i64>,
+    /// Number of the designed layout, if the group has one.
+    pub layout: Option<i64>,
+    /// Id of the scenario.
+    pub scenario: Vec<u8>,
+    /// Task of the scenario.
+    pub task: String,
+    /// Level of the scenario; none for strategies without levels.
+    pub level: Option<i64>,
+    /// Role of the group.
+    pub role: GroupRole,
+    /// True if the scenario is contested.
+    pub is_contested: bool,
+    /// State of the group.
+    pub state: GroupState,
+    /// Number of finished episodes.
+    pub finished: i64,
+    /// Number of failed episodes.
+    pub failed: i64,
+    /// Number of successful episodes.
+    pub successes: i64,
+    /// True if the outcome of the group may move the curriculum.
+    pub is_evidence: bool,
+    /// True if the trainer should learn from the group.
+    pub is_for_training: bool,
+}
+
+impl GroupRow {
+    /// True if the episodes are for training or probing. Episodes of evaluations are not counted anywhere.
+    #[must_use]
+    pub const fn counts(&self) -> bool {
+        self.proposal.is_some() || self.layout.is_some()
+    }
+}
+
+/// A group with the time when it closed.
+#[derive(Debug, Clone)]
+pub struct ClosedGroupRow {
+    /// Row of the group.
+    pub row: GroupRow,
+    /// When the group closed; 0 if it is open.
+    pub closed_at: Millis,
+}
+
+/// Adds groups to a lease.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if a statement fails.
+pub async fn insert(conn: &mut SqliteConnection, lease: i64, groups: &[GroupRow]) -> Result<(), StoreError> {
+    for rows in groups.chunks(MAX_ROWS) {
+        let mut statement = QueryBuilder::new("");
+        push_insert(&mut statement, lease, rows);
+        statement.build().execute(&mut *conn).await?;
+    }
+    Ok(())
+}
+
+/// Appends the statement that adds groups to a lease.
+pub(super) fn push_insert(statement: &mut QueryBuilder<Sqlite>, lease: i64, rows: &[GroupRow]) {
+    statement.push(
+        "INSERT INTO groups (lease, number, proposal, layout, scenario, task, level, role, is_contested, state, failed,
+                             is_evidence, is_for_training) ",
+    );
+    statement.push_values(rows, |mut values, row| {
+        values.push_bind(lease).push_bind(row.number).push_bind(row.proposal).push_bind(row.layout);
+        values.push_bind(row.scenario.clone()).push_bind(row.task.clone()).push_bind(row.level);
+        values.push_bind(row.role).push_bind(row.is_contested).push_bind(row.state);
+        values.push_bind(row.failed).push_bind(row.is_evidence).push_bind(row.is_for_training);
+    });
+}
+
+/// Selects [`GroupRow`]s: takes what follows `FROM groups` and the arguments of the statement.
+macro_rules! query_groups {
+    ($rest:literal, $($argument:expr),+ $(,)?) => {
+        sqlx::query_as!(
+            GroupRow,
+            r#"SELECT number, proposal, layout, scenario, task, level, role AS "role: GroupRole",
+                      is_contested AS "is_contested: bool", state AS "state: GroupState", finished, failed, successes,
+                      is_evidence AS "is_evidence: bool", is_for_training AS "is_for_training: bool"
+               FROM groups "# + $rest,
+            $($argument),+
+        )
+    };
+}
+
+/// Reads the groups of a lease in order.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn of_lease(conn: &mut SqliteConnection, lease: i64) -> Result<Vec<GroupRow>, StoreError> {
+    Ok(query_groups!("WHERE lease = ? ORDER BY number", lease).fetch_all(conn).await?)
+}
+
+/// Reads the groups of a closed lease in order, with the times when they closed.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn of_closed_lease(
+    conn: &mut SqliteConnection,
+    lease: i64,
+) -> Result<Vec<ClosedGroupRow>, StoreError> {
+    let rows = query!(
+        r#"SELECT number, proposal, layout, scenario, task, level, role AS "role: GroupRole",
+                  is_contested AS "is_contested: bool", state AS "state: GroupState", finished, failed, successes,
+                  is_evidence AS "is_evidence: bool", is_for_training AS "is_for_training: bool", closed_at
+           FROM groups WHERE lease = ? ORDER BY number"#,
+        lease
+    )
+    .fetch_all(conn)
+    .await?;
+    let closed = rows.into_iter().map(|r| ClosedGroupRow {
+        row: GroupRow {
+            number: r.number,
+            proposal: r.proposal,
+            layout: r.layout,
+            scenario: r.scenario,
+            task: r.task,
+            level: r.level,
+            role: r.role,
+            is_contested: r.is_contested,
+            state: r.state,
+            finished: r.finished,
+            failed: r.failed,
+            successes: r.successes,
+            is_evidence: r.is_evidence,
+            is_for_training: r.is_for_training,
+        },
+        closed_at: r.closed_at.unwrap_or(0),
+    });
+    Ok(closed.collect())
+}
+
+/// Reads a group.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn get(
+    conn: &mut SqliteConnection,
+    lease: i64,
+    number: i64,
+) -> Result<Option<GroupRow>, StoreError> {
+    Ok(query_groups!("WHERE lease = ? AND number = ?", lease, number).fetch_optional(conn).await?)
+}
+
+/// Reads some groups of a lease, by their numbers.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn get_many(
+    conn: &mut SqliteConnection,
+    lease: i64,
+    numbers: &[i64],
+) -> Result<Vec<GroupRow>, StoreError> {
+    let numbers = to_json(&numbers)?;
+    Ok(query_groups!("WHERE lease = ? AND number IN (SELECT value FROM json_each(?))", lease, numbers)
+        .fetch_all(conn)
+        .await?)
+}
+
+/// Writes the counts and states of groups. Groups that are not open closed at `now`.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn update(
+    conn: &mut SqliteConnection,
+    lease: i64,
+    rows: &[GroupRow],
+    now: Millis,
+) -> Result<(), StoreError> {
+    if rows.is_empty() {
+        return Ok(());
+    }
+    let values = |row: &GroupRow| {
+        let closed_at = (row.state != GroupState::Open).then_some(now);
+        let GroupRow { number, state, finished, failed, successes, is_evidence, .. } = row;
+        serde_json::json!([number, state, finished, failed, successes, i64::from(*is_evidence), closed_at])
+    };
+    let rows = to_json(&rows.iter().map(values).collect::<Vec<_>>())?;
+    query!(
+        "WITH rows AS MATERIALIZED (
+             SELECT value ->> 0 AS number, value ->> 1 AS state, value ->> 2 AS finished, value ->> 3 AS failed,
+                    value ->> 4 AS successes, value ->> 5 AS is_evidence, value ->> 6 AS closed_at
+             FROM json_each(?))
+         UPDATE groups SET state = rows.state, finished = rows.finished, failed = rows.failed,
+                           successes = rows.successes, is_evidence = rows.is_evidence,
+                           closed_at = rows.closed_at
+         FROM rows WHERE groups.lease = ? AND groups.number = rows.number
+                         AND groups.number IN (SELECT number FROM rows)",
+        rows,
+        lease
+    )
+    .execute(conn)
+    .await?;
+    Ok(())
+}
+
+/// Sets whether a group's scenario is contested. For leases of columns the audit finds this out.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn set_contested(
+    conn: &mut SqliteConnection,
+    group: GroupKey,
+    is_contested: bool,
+) -> Result<(), StoreError> {
+    query!(
+        "UPDATE groups SET is_contested = ? WHERE lease = ? AND number = ?",
+        is_contested,
+        group.lease,
+        group.number
+    )
+    .execute(conn)
+    .await?;
+    Ok(())
+}

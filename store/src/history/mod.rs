@@ -1,0 +1,169 @@
+//! History of runs: results by task and time, in buckets of a minute (kept for a week) and of an hour (kept for ever). Tables
+//! `task_history` and `task_history_params`.
+//!
+//! [`write`] adds results to the buckets, [`read`] reads a window of time as a limited number of points.
+
+mod read;
+mod write;
+
+use crate::task_counters::TaskCounters;
+use std::collections::BTreeMap;
+
+use crate::Millis;
+
+pub use self::read::{HistoryPoint, HistoryWindow, curve};
+pub use self::write::{add, delete_old_minutes};
+
+/// Milliseconds of a minute, the width of a fine bucket.
+pub const MINUTE: Millis = 60_000;
+/// Milliseconds of an hour, the width of a coarse bucket.
+pub const HOUR: Millis = 60 * MINUTE;
+/// Time for which buckets of a minute are kept, milliseconds.
+pub const MINUTES_KEPT: Millis = 7 * 24 * HOUR;
+
+/// Results of a task in a bucket, or a part of them.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct HistoryBucket {
+    /// Number of finished episodes.
+    pub episodes: i64,
+    /// Finished episodes that succeeded.
+    pub successes: i64,
+    /// Sum of the scores of finished episodes.
+    pub score_sum: f64,
+    /// Finished episodes that have a skill.
+    pub episodes_with_skill: i64,
+    /// Sum of their skills.
+    pub skill_sum: f64,
+    /// Number of failed episodes.
+    pub failed: i64,
+    /// Episodes whose lease ended before they were reported.
+    pub expired: i64,
+    /// Contested groups that are evidence.
+    pub contested_groups: i64,
+    /// Sum of their success rates.
+    pub success_rate_sum: f64,
+    /// Contested groups whose blind panel was replayed: a sample.
+    pub panel_groups: i64,
+    /// Sum of the success rates of the blind plans on these.
+    pub panel_success_rate_sum: f64,
+    /// Groups of several episodes that counted.
+    pub groups: i64,
+    /// Groups among these whose episodes all have the same score.
+    pub zero_variance_groups: i64,
+    /// Episodes of accepted claims.
+    pub claimed_episodes: i64,
+    /// Lowest level that occurred.
+    pub lowest_level: Option<i64>,
+    /// Highest level that occurred.
+    pub highest_level: Option<i64>,
+    /// Latest mastery estimate in the bucket.
+    pub mastery: Option<MasterySample>,
+    /// Parameters of the scenarios, by name.
+    pub params: BTreeMap<String, ParamRange>,
+}
+
+/// Mastery estimate of a task at one moment: the posterior over success on contested scenarios of its level.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MasterySample {
+    /// Level of the task; none for strategies without levels.
+    pub level: Option<i64>,
+    /// Mean of the posterior.
+    pub mean: f64,
+    /// 10 % quantile of the posterior.
+    pub q10: f64,
+    /// 90 % quantile of the posterior.
+    pub q90: f64,
+}
+
+/// Values that a parameter had.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ParamRange {
+    /// Number of the values.
+    pub n: i64,
+    /// Sum of the values.
+    pub total: f64,
+    /// Lowest of the values.
+    pub low: f64,
+    /// Highest of the values.
+    pub high: f64,
+}
+
+/// Value of a scenario's parameter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ParamValue<'a> {
+    /// Name of the parameter.
+    pub name: &'a str,
+    /// Value of the param.
+    pub value: f64,
+}
+
+impl HistoryBucket {
+    /// Counts episodes that were flown at a level.
+    pub fn add(&mut self, sums: &TaskCounters, level: Option<i64>) {
+        self.episodes += sums.episodes;
+        self.successes += sums.successes;
+        self.score_sum += sums.score_sum;
+        self.episodes_with_skill += sums.episodes_with_skill;
+        self.skill_sum += sums.skill_sum;
+        self.failed += sums.failed;
+        self.expired += sums.expired;
+        // Expired episodes alone do not extend the range of levels that were reported.
+        if sums.episodes + sums.failed > 0 {
+            self.add_level(level);
+        }
+    }
+
+    /// Adds a later part of the same bucket.
+    pub fn join(&mut self, later: &Self) {
+        self.episodes += later.episodes;
+        self.successes += later.successes;
+        self.score_sum += later.score_sum;
+        self.episodes_with_skill += later.episodes_with_skill;
+        self.skill_sum += later.skill_sum;
+        self.failed += later.failed;
+        self.expired += later.expired;
+        self.contested_groups += later.contested_groups;
+        self.success_rate_sum += later.success_rate_sum;
+        self.panel_groups += later.panel_groups;
+        self.panel_success_rate_sum += later.panel_success_rate_sum;
+        self.groups += later.groups;
+        self.zero_variance_groups += later.zero_variance_groups;
+        self.claimed_episodes += later.claimed_episodes;
+        self.lowest_level = self.lowest_level.into_iter().chain(later.lowest_level).min();
+        self.highest_level = self.highest_level.max(later.highest_level);
+        self.mastery = later.mastery.or(self.mastery);
+        for (name, range) in &later.params {
+            self.params.entry(name.clone()).and_modify(|known| known.join(range)).or_insert(*range);
+        }
+    }
+
+    /// Adds the parameters of a scenario.
+    pub fn add_params<'a>(&mut self, params: impl IntoIterator<Item = ParamValue<'a>>) {
+        for ParamValue { name, value } in params {
+            let range = ParamRange::of(value);
+            self.params.entry(name.to_owned()).and_modify(|known| known.join(&range)).or_insert(range);
+        }
+    }
+
+    /// Extends the range of levels by one level.
+    pub fn add_level(&mut self, level: Option<i64>) {
+        self.lowest_level = self.lowest_level.into_iter().chain(level).min();
+        self.highest_level = self.highest_level.max(level);
+    }
+}
+
+impl ParamRange {
+    /// Range of one value.
+    #[must_use]
+    pub const fn of(value: f64) -> Self {
+        Self { n: 1, total: value, low: value, high: value }
+    }
+
+    /// Adds the values of another range.
+    pub const fn join(&mut self, other: &Self) {
+        self.n += other.n;
+        self.total += other.total;
+        self.low = self.low.min(other.low);
+        self.high = self.high.max(other.high);
+    }
+}

@@ -1,0 +1,254 @@
+//! Runs and their settings. Tables `runs` and `run_settings`.
+
+use sqlx::{SqliteConnection, query};
+
+use super::{StoreError, text_enum};
+use crate::Millis;
+
+text_enum! {
+    /// Status of a run: only active runs grant leases.
+    pub enum RunStatus: "a run's status" {
+        /// The run grants leases.
+        Active = "active",
+        /// The run grants no leases. Results of leases that were granted before are still accepted.
+        Paused = "paused",
+    }
+}
+
+/// Row of the `runs` table.
+#[derive(Debug, Clone)]
+pub struct RunRow {
+    /// Id of the run.
+    pub id: String,
+    /// Name that is displayed.
+    pub name: String,
+    /// Seed of the run's random streams.
+    pub seed: i64,
+    /// Status of the run: active or paused.
+    pub status: RunStatus,
+    /// The settings as JSON.
+    pub settings: String,
+    /// Newest policy version that a trainer reported.
+    pub policy_version: i64,
+    /// When the run was created.
+    pub created_at: Millis,
+    /// When the run was archived; archived runs are left out of lists.
+    pub archived_at: Option<Millis>,
+}
+
+/// Position of a run in the order of creation.
+#[derive(Debug, Clone, Copy)]
+pub struct RunCursor<'a> {
+    /// When the run was created.
+    pub created_at: Millis,
+    /// Id of the run.
+    pub id: &'a str,
+}
+
+/// Settings of a run that were in force from a moment on.
+#[derive(Debug, Clone)]
+pub struct SettingsRow {
+    /// Number of the change, from 0.
+    pub revision: i64,
+    /// When the settings came into force.
+    pub at: Millis,
+    /// The settings as JSON.
+    pub settings: String,
+}
+
+/// Stores a new run. Returns false if the id is taken.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if a statement fails.
+pub async fn insert(
+    conn: &mut SqliteConnection,
+    row: &RunRow,
+    owner: Option<i64>,
+) -> Result<bool, StoreError> {
+    let done = query!(
+        "INSERT INTO runs (id, name, seed, status, settings, policy_version, created_at, owner)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (id) DO NOTHING",
+        row.id,
+        row.name,
+        row.seed,
+        row.status,
+        row.settings,
+        row.policy_version,
+        row.created_at,
+        owner
+    )
+    .execute(&mut *conn)
+    .await?;
+    let is_new = done.rows_affected() == 1;
+    if is_new {
+        append_settings(conn, &row.id, &row.settings, row.created_at).await?;
+    }
+    Ok(is_new)
+}
+
+/// Reads a run.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Option<RunRow>, StoreError> {
+    Ok(sqlx::query_as!(
+        RunRow,
+        r#"SELECT id, name, seed, status AS "status: RunStatus", settings, policy_version, created_at, archived_at
+           FROM runs WHERE id = ?"#,
+        id
+    )
+    .fetch_optional(conn)
+    .await?)
+}
+
+/// Reads runs in order of creation, newest last, after a cursor: archived runs, or all others.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn page(
+    conn: &mut SqliteConnection,
+    after: RunCursor<'_>,
+    are_archived: bool,
+    limit: i64,
+) -> Result<Vec<RunRow>, StoreError> {
+    Ok(sqlx::query_as!(
+        RunRow,
+        r#"SELECT id, name, seed, status AS "status: RunStatus", settings, policy_version, created_at, archived_at
+           FROM runs WHERE (created_at, id) > (?, ?) AND (archived_at IS NOT NULL) = ? ORDER BY created_at, id LIMIT ?"#,
+        after.created_at,
+        after.id,
+        are_archived,
+        limit
+    )
+    .fetch_all(conn)
+    .await?)
+}
+
+/// Reads the ids of all runs, in order of creation.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn ids(conn: &mut SqliteConnection) -> Result<Vec<String>, StoreError> {
+    Ok(sqlx::query_scalar!("SELECT id FROM runs ORDER BY created_at, id").fetch_all(conn).await?)
+}
+
+/// Pauses, resumes or archives a run.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn set_status(
+    conn: &mut SqliteConnection,
+    id: &str,
+    status: RunStatus,
+    archived_at: Option<Millis>,
+) -> Result<(), StoreError> {
+    query!("UPDATE runs SET status = ?, archived_at = ? WHERE id = ?", status, archived_at, id)
+        .execute(conn)
+        .await?;
+    Ok(())
+}
+
+/// Sets the settings of a run, as JSON.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if a statement fails.
+pub async fn set_settings(
+    conn: &mut SqliteConnection,
+    id: &str,
+    settings: &str,
+    now: Millis,
+) -> Result<(), StoreError> {
+    query!("UPDATE runs SET settings = ? WHERE id = ?", settings, id).execute(&mut *conn).await?;
+    append_settings(conn, id, settings, now).await
+}
+
+/// Adds settings to the history of a run, unless they are the same as the last ones.
+async fn append_settings(
+    conn: &mut SqliteConnection,
+    id: &str,
+    settings: &str,
+    now: Millis,
+) -> Result<(), StoreError> {
+    query!(
+        "INSERT INTO run_settings (run, revision, at, settings)
+         SELECT ?1, coalesce(max(revision), -1) + 1, ?2, ?3 FROM run_settings WHERE run = ?1
+         HAVING ?3 IS NOT (SELECT settings FROM run_settings WHERE run = ?1 ORDER BY revision DESC LIMIT 1)",
+        id,
+        now,
+        settings
+    )
+    .execute(conn)
+    .await?;
+    Ok(())
+}
+
+/// Reads the history of a run's settings below a number, newest first.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn settings_history(
+    conn: &mut SqliteConnection,
+    id: &str,
+    before: i64,
+    limit: i64,
+) -> Result<Vec<SettingsRow>, StoreError> {
+    Ok(sqlx::query_as!(
+        SettingsRow,
+        "SELECT revision, at, settings FROM run_settings WHERE run = ? AND revision < ? ORDER BY revision DESC LIMIT ?",
+        id,
+        before,
+        limit
+    )
+    .fetch_all(conn)
+    .await?)
+}
+
+/// Reads the curriculum settings that a run began with, as JSON; none if they never changed.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn initial_curriculum(conn: &mut SqliteConnection, id: &str) -> Result<Option<String>, StoreError> {
+    let first = sqlx::query_scalar!("SELECT initial_curriculum FROM runs WHERE id = ?", id);
+    Ok(first.fetch_optional(conn).await?.flatten())
+}
+
+/// Keeps the curriculum settings that a run began with, before they change for the first time.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn keep_initial_curriculum(
+    conn: &mut SqliteConnection,
+    id: &str,
+    settings: &str,
+) -> Result<(), StoreError> {
+    query!(
+        "UPDATE runs SET initial_curriculum = ? WHERE id = ? AND initial_curriculum IS NULL",
+        settings,
+        id
+    )
+    .execute(conn)
+    .await?;
+    Ok(())
+}
+
+/// Sets the display name of a run.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn set_name(conn: &mut SqliteConnection, id: &str, name: &str) -> Result<(), StoreError> {
+    query!("UPDATE runs SET name = ? WHERE id = ?", name, id).execute(conn).await?;
+    Ok(())
+}
+
+/// Sets the newest policy version of a run.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn set_policy_version(
+    conn: &mut SqliteConnection,
+    id: &str,
+    version: i64,
+) -> Result<(), StoreError> {
+    query!("UPDATE runs SET policy_version = ? WHERE id = ?", version, id).execute(conn).await?;
+    Ok(())
+}

@@ -1,0 +1,195 @@
+//! Access tokens. Table `tokens`.
+
+use sqlx::{SqliteConnection, query};
+
+use super::StoreError;
+use crate::Millis;
+use crate::role::Role;
+
+/// Row of the `tokens` table.
+#[derive(Debug, Clone)]
+pub struct TokenRow {
+    /// Number of the token, from 1.
+    pub id: i64,
+    /// Name that is displayed.
+    pub name: String,
+    /// Role that limits what the token may do.
+    pub role: Role,
+    /// Hash of the token; empty before it is set.
+    pub hash: Vec<u8>,
+    /// When the token was created.
+    pub created_at: Millis,
+    /// When the token expires; none for never.
+    pub expires_at: Option<Millis>,
+    /// When the token was revoked.
+    pub revoked_at: Option<Millis>,
+    /// When the token was used last, to about ten minutes.
+    pub used_at: Option<Millis>,
+}
+
+/// State of a token: only valid tokens are accepted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TokenState {
+    /// The token is accepted.
+    Valid,
+    /// The token has expired.
+    Expired,
+    /// The token was revoked.
+    Revoked,
+}
+
+impl TokenState {
+    /// The word that lists and logs show.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Valid => "valid",
+            Self::Expired => "expired",
+            Self::Revoked => "revoked",
+        }
+    }
+}
+
+impl TokenRow {
+    /// State of the token at the time `now`.
+    #[must_use]
+    pub const fn state(&self, now: Millis) -> TokenState {
+        match self {
+            Self { revoked_at: Some(_), .. } => TokenState::Revoked,
+            Self { expires_at: Some(at), .. } if *at <= now => TokenState::Expired,
+            _ => TokenState::Valid,
+        }
+    }
+}
+
+/// A token to be stored.
+#[derive(Debug, Clone, Copy)]
+pub struct NewToken<'a> {
+    /// Name that is displayed.
+    pub name: &'a str,
+    /// Role that limits what the token may do.
+    pub role: Role,
+    /// When the token expires; none for never.
+    pub expires_at: Option<Millis>,
+}
+
+/// Stores a token without its hash, which depends on its number. Returns the number.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn insert(conn: &mut SqliteConnection, new: &NewToken<'_>, now: Millis) -> Result<i64, StoreError> {
+    let done = query!(
+        "INSERT INTO tokens (name, role, hash, created_at, expires_at) VALUES (?, ?, x'', ?, ?)",
+        new.name,
+        new.role,
+        now,
+        new.expires_at
+    )
+    .execute(conn)
+    .await?;
+    Ok(done.last_insert_rowid())
+}
+
+/// Sets the hash of a token.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn set_hash(conn: &mut SqliteConnection, id: i64, hash: &[u8]) -> Result<(), StoreError> {
+    query!("UPDATE tokens SET hash = ? WHERE id = ?", hash, id).execute(conn).await?;
+    Ok(())
+}
+
+/// Selects [`TokenRow`]s: takes what follows `FROM tokens` and the arguments of the statement.
+macro_rules! query_tokens {
+    ($rest:literal $(, $argument:expr)* $(,)?) => {
+        sqlx::query_as!(
+            TokenRow,
+            r#"SELECT id, name, role AS "role: Role", hash, created_at, expires_at, revoked_at, used_at FROM tokens "# + $rest
+            $(, $argument)*
+        )
+    };
+}
+
+/// Reads a token by its number.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn get(conn: &mut SqliteConnection, id: i64) -> Result<Option<TokenRow>, StoreError> {
+    Ok(query_tokens!("WHERE id = ?", id).fetch_optional(conn).await?)
+}
+
+/// Reads all tokens, oldest first.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn all(conn: &mut SqliteConnection) -> Result<Vec<TokenRow>, StoreError> {
+    Ok(query_tokens!("ORDER BY id").fetch_all(conn).await?)
+}
+
+/// Answer to the question whether a database has tokens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TokenPresence {
+    /// True if there is a token, valid or not.
+    pub any: bool,
+    /// True if there is a valid token.
+    pub valid: bool,
+}
+
+/// Reads whether there are tokens, and whether one is valid at `now`.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn presence(conn: &mut SqliteConnection, now: Millis) -> Result<TokenPresence, StoreError> {
+    Ok(sqlx::query_as!(
+        TokenPresence,
+        r#"SELECT EXISTS (SELECT 1 FROM tokens) AS "any!: bool",
+                  EXISTS (SELECT 1 FROM tokens WHERE revoked_at IS NULL AND (expires_at IS NULL OR expires_at > ?))
+                      AS "valid!: bool""#,
+        now
+    )
+    .fetch_one(conn)
+    .await?)
+}
+
+/// Revokes a token. Returns true if it existed and was not revoked yet.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn revoke(conn: &mut SqliteConnection, id: i64, now: Millis) -> Result<bool, StoreError> {
+    let done = query!("UPDATE tokens SET revoked_at = ? WHERE id = ? AND revoked_at IS NULL", now, id)
+        .execute(conn)
+        .await?;
+    Ok(done.rows_affected() == 1)
+}
+
+/// Sets when a token was used last.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn set_used(conn: &mut SqliteConnection, id: i64, now: Millis) -> Result<(), StoreError> {
+    query!("UPDATE tokens SET used_at = ? WHERE id = ?", now, id).execute(conn).await?;
+    Ok(())
+}
+
+/// Counts the runs that a token created.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn count_runs(conn: &mut SqliteConnection, id: i64) -> Result<i64, StoreError> {
+    Ok(sqlx::query_scalar!(r#"SELECT count(*) AS "n!: i64" FROM runs WHERE owner = ?"#, id)
+        .fetch_one(conn)
+        .await?)
+}
+
+/// Counts the active leases of a token.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn count_leases(conn: &mut SqliteConnection, id: i64) -> Result<i64, StoreError> {
+    Ok(sqlx::query_scalar!(
+        r#"SELECT count(*) AS "n!: i64" FROM leases INDEXED BY leases_of_owner WHERE owner = ? AND status = 'active'"#,
+        id
+    )
+    .fetch_one(conn)
+    .await?)
+}
