@@ -8,7 +8,7 @@
 --   which have the level in their key, store -1.
 -- * `number` of a group is its index in the lease, from 0. `number` of an episode is its index in the lease, from 0: group g has
 --   the episodes g · group_size to (g + 1) · group_size − 1.
--- * Only the writer of the server writes. A comment that names a worker says which part of the server requests the change.
+-- * Of the server, only the writer writes. A comment that names a worker says which part of the server requests the change.
 --
 -- A change of this schema is a new file. The server copies an older database before it changes it.
 
@@ -116,7 +116,7 @@ CREATE INDEX scenarios_of_recipe ON scenarios (recipe);
 CREATE TABLE brackets (
     scenario        BLOB    NOT NULL REFERENCES scenarios (id),
     planner_version INTEGER NOT NULL,
-    body            BLOB    NOT NULL, -- floor, blind panel and reference: JSON, packed (store/pack.rs)
+    body            BLOB    NOT NULL, -- floor, blind panel and reference: JSON, packed
     reference_plan  BLOB    NOT NULL, -- action log, packed
     PRIMARY KEY (scenario, planner_version)
 ) STRICT, WITHOUT ROWID;
@@ -128,7 +128,7 @@ CREATE TABLE brackets (
 -- while a group or an episode of it stays, or a warning names it.
 CREATE TABLE leases (
     id                INTEGER NOT NULL PRIMARY KEY,
-    token             TEXT    NOT NULL,           -- random part of the public lease id
+    id_suffix         TEXT    NOT NULL,           -- random part of the public lease id
     run               TEXT    NOT NULL REFERENCES runs (id),
     purpose           TEXT    NOT NULL CHECK (purpose IN ('train', 'probe', 'eval')),
     form              TEXT    NOT NULL DEFAULT 'groups' CHECK (form IN ('groups', 'columns')),
@@ -579,7 +579,7 @@ CREATE TABLE design_requests (
     latency_ms                INTEGER NOT NULL DEFAULT 0,
     profile                   TEXT,                          -- failure profile at the start, JSON; NULL before
     criticised                INTEGER,                       -- criticised episodes behind the profile
-    errors                    TEXT    NOT NULL DEFAULT '[]', -- those that did not end the request, JSON list of sentences
+    warnings                  TEXT    NOT NULL DEFAULT '[]', -- errors that did not end the request, JSON list of sentences
     error                     TEXT,                          -- why the request failed
     created_at                INTEGER NOT NULL,
     ended_at                  INTEGER
@@ -609,7 +609,7 @@ CREATE TABLE layouts (
     retirement_reason           TEXT CHECK (retirement_reason IN ('mastered', 'hopeless', 'user')),
     gate_check                  TEXT,                          -- check of the gate that refused it
     refusal_reason              TEXT,                          -- a sentence
-    claim                       TEXT CHECK (claim IN ('threat', 'decoy')),
+    kind                        TEXT CHECK (kind IN ('threat', 'decoy')),
     novelty                     REAL,                          -- distance to the nearest earlier design, 0 to 1
     scenario                    BLOB REFERENCES scenarios (id),
     training_groups_at_creation INTEGER NOT NULL,              -- runs.training_groups when it was created
@@ -620,7 +620,7 @@ CREATE TABLE layouts (
     score_sum                   REAL    NOT NULL DEFAULT 0,    -- over finished episodes
     regret_sum                  REAL    NOT NULL DEFAULT 0,    -- over finished episodes
     recent_success_rates        TEXT    NOT NULL DEFAULT '[]', -- of the last outcomes, oldest first, JSON list
-    barren_streak               INTEGER NOT NULL DEFAULT 0,    -- consecutive outcomes without a success, up to the last one
+    zero_success_streak         INTEGER NOT NULL DEFAULT 0,    -- consecutive outcomes without a success, up to the last one
     served_at                   INTEGER,                       -- when a group was leased last
     created_at                  INTEGER NOT NULL,
     retired_at                  INTEGER,
@@ -711,7 +711,7 @@ CREATE TABLE compacted_leases (
     last_lease  INTEGER NOT NULL, -- highest id
     episodes    INTEGER NOT NULL, -- reported episodes in `body`
     at          INTEGER NOT NULL,
-    heads       BLOB    NOT NULL, -- rows of the leases, packed (store/compacted_leases/packing.rs)
+    lease_rows  BLOB    NOT NULL, -- rows of the leases, packed
     body        BLOB    NOT NULL  -- their groups, results and claims, packed
 ) STRICT;
 
@@ -733,7 +733,7 @@ CREATE TABLE compacted_progress (
 
 -- Access and maintenance ----------------------------------------------------------------------------------------------------
 
--- An access token. Written by `sparring token` and the token API.
+-- An access token. Written by `sparring token`.
 CREATE TABLE tokens (
     id         INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT, -- never reused: it is a part of the token
     name       TEXT    NOT NULL,

@@ -137,8 +137,8 @@ pub struct DesignSummary {
     pub round: i64,
     /// Failure that the design aims at; null if the design could not be read.
     pub aim: Option<DesignAim>,
-    /// Claim of the design about its scenario; null if the design was refused.
-    pub claim: Option<DesignClaim>,
+    /// Kind of the layout; null if the design was refused.
+    pub kind: Option<LayoutKind>,
     /// State of the design.
     pub state: DesignState,
     /// Reason of retirement (`mastered`, `hopeless` or `user`), or the check of the gate that refused the design.
@@ -362,10 +362,10 @@ pub enum DesignState {
     Refused,
 }
 
-/// Claim of a design about its scenario.
+/// Kind of a layout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum DesignClaim {
+pub enum LayoutKind {
     /// An agent that does nothing loses.
     Threat,
     /// An agent that does nothing succeeds, and acting is a waste.

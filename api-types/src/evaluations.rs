@@ -93,7 +93,8 @@ pub struct EvaluationScenario {
     pub level: usize,
     /// Part of the suite: `contested` or `as_they_come`.
     pub part: SuiteSection,
-    /// Best score of the blind panel.
+    /// Score without acting on observations: mean score of the blind panel in `kessler/survival` and `kessler/eco_station`,
+    /// score of `hold` in other tasks.
     pub floor: f64,
     /// Score of the reference planner.
     pub reference: f64,

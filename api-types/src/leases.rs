@@ -165,7 +165,8 @@ pub struct LeasedGroup {
 pub struct ScenarioBracket {
     /// Version of the reference planner.
     pub planner_version: u32,
-    /// Best score of the blind panel: plans that do not observe the scenario.
+    /// Score without acting on observations: mean score of the blind panel in `kessler/survival` and `kessler/eco_station`,
+    /// score of `hold` in other tasks.
     pub floor: f64,
     /// Score of the `hold` policy, which never acts.
     pub hold: f64,

@@ -20,7 +20,7 @@ pub struct FeedStatus {
 
 /// Latest error of a run's policy.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
-pub struct PolicyFault {
+pub struct RunPolicyError {
     /// Description in one sentence.
     pub message: String,
     /// Time of the error, RFC 3339.
@@ -125,5 +125,5 @@ pub struct RunPolicyState {
     /// Fill level of the feed.
     pub feed: FeedStatus,
     /// Latest error of the policy.
-    pub last_error: Option<PolicyFault>,
+    pub last_error: Option<RunPolicyError>,
 }

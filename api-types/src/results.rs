@@ -169,7 +169,7 @@ pub struct GroupReceipt {
     pub finished: i64,
     /// Number of failed episodes.
     pub failed: i64,
-    /// Number of episodes that were never reported.
+    /// Number of episodes without a result when the lease ended.
     pub expired: i64,
     /// Number of successful episodes.
     pub successes: i64,
@@ -197,7 +197,8 @@ pub struct GroupRefill {
 pub enum ReceiptStatus {
     /// The episode counts, and its group can move the curriculum.
     Counted,
-    /// The episode is a statistic only: an evaluation, a designed layout, or a policy that is too old.
+    /// The episode is a statistic only. It is of an evaluation, a designed layout (unless `design.evidence` is set), a policy version
+    /// that is too old, or a training lease while evidence comes from probes.
     Stored,
     /// The replay agrees with the columns of the lease. The episode counts once all audited ones are reported.
     Audited,

@@ -63,7 +63,7 @@ pub struct RunRequest {
 /// physics change. Under another strategy they keep their mastery, and the strategy starts anew.
 #[derive(Debug, Clone, Default, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields, default)]
-pub struct RunChange {
+pub struct RunUpdate {
     /// Name of the run for people.
     pub name: Option<String>,
     /// Strategy that chooses the scenarios.
@@ -126,7 +126,7 @@ pub struct LevelTable {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum EvidenceFrom {
-    /// Leases with the purpose `train`.
+    /// Leases with the purpose `train` and, as always, `probe`.
     Train,
     /// Leases with the purpose `probe`: the trainer neither explores nor learns.
     Probe,

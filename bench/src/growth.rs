@@ -103,7 +103,7 @@ async fn measure_lists(api: &ApiClient) -> anyhow::Result<Vec<(String, f64)>> {
         ("leases", "/v1/runs/bench/leases?limit=500".to_owned()),
         ("last leases", format!("/v1/runs/bench/leases?limit=500&cursor={}.", (number - 500).max(0))),
         ("mastery", "/v1/runs/bench/mastery".to_owned()),
-        ("history", "/v1/runs/bench/mastery/history".to_owned()),
+        ("history", "/v1/runs/bench/level_moves".to_owned()),
         ("failures", "/v1/runs/bench/failures?limit=500&task=kessler/survival".to_owned()),
         ("designs", "/v1/runs/bench/designs?limit=500".to_owned()),
     ] {

@@ -197,11 +197,11 @@ fn text(report: &AgreementReport) -> String {
     }
     let AgreementReport { verdicts, unanswered, without_rules, .. } = report;
     let also = if *without_rules > 0 {
-        format!(", of {without_rules} steps the rules say nothing")
+        format!(", the rules gave no score for {without_rules}")
     } else {
         String::new()
     };
-    let mut text = format!("{verdicts} verdicts; the model said nothing in {unanswered} of them{also}.\n");
+    let mut text = format!("{verdicts} verdicts; the model gave no score for {unanswered} of them{also}.\n");
     for (why, count) in &report.reasons {
         text.push_str(&format!("  {count}: {}\n", llm::sanitize_line(why)));
     }

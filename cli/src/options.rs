@@ -234,7 +234,7 @@ mod tests {
         let refuse = |texts: &[&str]| format!("{:#}", of(texts).unwrap_err());
         insta::assert_snapshot!(
             [refuse(&["contact=swept", "risk=pc"]), refuse(&["compat=upstream"])].join("\n"), @r#"
-        options of kessler/survival: physics.contact: it cannot be combined with risk: pc: under it no contact destroys, so there is none to sweep for
+        options of kessler/survival: physics.contact: it cannot be combined with risk: pc: pc has no destructive contacts, so contact: swept has no effect
         options of kessler/survival: physics.compat: upstream is for scenarios by hand: it replays recorded episodes, and a satellite may burn more in a step than the plans it would be judged by
         "#);
     }

@@ -1,19 +1,12 @@
 /** Checks the actions of the pages by their effect on the server. */
-import type { Browser, Page } from "playwright-core";
-import { afterAll, beforeAll, expect, test } from "vitest";
-import { launchBrowser, openPage, visit } from "./browser";
+import type { Page } from "playwright-core";
+import { expect, test } from "vitest";
+import { openPage, visit } from "./browser";
+import { createHeldRun, useFixture } from "./fixture";
 import { waitFor } from "./poll";
 import { reportHeldEpisodes, SparringServer } from "./server";
 
-let browser: Browser;
-let server: SparringServer;
-beforeAll(async () => {
-  [browser, server] = [await launchBrowser(), await SparringServer.start()];
-});
-afterAll(async () => {
-  await browser.close();
-  await server.dispose();
-});
+const fixture = useFixture();
 
 interface Run {
   status: string;
@@ -38,14 +31,14 @@ async function press(page: Page, name: string) {
 
 test("a run is created, paused, resumed, archived and restored", async () => {
   const server = await SparringServer.start(); // without the runs of the other tests
-  const { page, problems } = await openPage(browser, server.url);
+  const { page, problems } = await openPage(fixture.browser, server.url);
   await visit(page, server.url, "/");
-  await page.getByText("There are no runs yet").waitFor();
+  await page.getByText("No runs yet").waitFor();
   await press(page, "New run");
   const dialog = page.getByRole("dialog");
   await dialog.getByLabel("Id").fill("mine");
   await dialog.getByLabel("Strategy").selectOption("uniform");
-  await dialog.getByLabel("Episodes of a scenario").fill("4");
+  await dialog.getByLabel("Episodes per scenario").fill("4");
   await dialog.getByLabel("kessler/survival").check();
   await dialog.getByRole("button", { name: "Create" }).click();
   await page.getByRole("article", { name: "mine" }).waitFor();
@@ -62,8 +55,8 @@ test("a run is created, paused, resumed, archived and restored", async () => {
   await waitFor(getRun, ({ status }) => status === "active");
   await press(page, "Archive mine");
   await waitFor(getRun, (run) => run.archived_at !== null);
-  await page.getByText("There are no runs yet").waitFor();
-  await page.getByLabel("those that are archived").check();
+  await page.getByText("No runs yet").waitFor();
+  await page.getByLabel("Archived").check();
   await press(page, "Resume mine");
   await waitFor(getRun, (run) => run.archived_at === null);
   expect(problems).toEqual([]);
@@ -72,8 +65,9 @@ test("a run is created, paused, resumed, archived and restored", async () => {
 });
 
 test("a rejected request is reported in its dialog", async () => {
+  const { server } = fixture;
   await server.post("/v1/runs", { id: "taken" });
-  const { page } = await openPage(browser, server.url);
+  const { page } = await fixture.openPage();
   await visit(page, server.url, "/");
   await press(page, "New run");
   const dialog = page.getByRole("dialog");
@@ -85,17 +79,18 @@ test("a rejected request is reported in its dialog", async () => {
 });
 
 test("designs are requested, shown, retired and played", async () => {
+  const { server } = fixture;
   await server.post("/v1/runs", { id: "beaten", seed: 3, tasks: ["kessler/survival"] });
   for (let i = 0; i < 4; i++) await reportHeldEpisodes(server, "beaten", 64);
   await waitFor(
     () => server.get<Failures>("/v1/runs/beaten/failure_profiles"),
     ({ tasks }) => (tasks[0]?.criticised ?? 0) > 100,
   );
-  const { page, problems } = await openPage(browser, server.url);
+  const { page, problems } = await fixture.openPage();
   await visit(page, server.url, "/runs/beaten/designs");
-  await page.getByLabel("How many").fill("3");
-  await press(page, "Ask");
-  await page.getByText(/Asked: ask-/).waitFor();
+  await page.getByLabel("Count").fill("3");
+  await page.getByRole("button", { name: "Request", exact: true }).click();
+  await page.getByText(/Request ask-/).waitFor();
   const { designs } = await waitFor(
     () => server.get<Designs>("/v1/runs/beaten/designs?state=active"),
     (list) => list.designs.length > 0,
@@ -109,22 +104,23 @@ test("designs are requested, shown, retired and played", async () => {
     () => server.get<{ state: string }>(`/v1/runs/beaten/designs/${design.id}`),
     ({ state }) => state === "retired",
   );
-  await press(page, "Let it serve again");
+  await press(page, "Restore");
   await page.getByRole("button", { name: "Retire" }).waitFor();
-  await page.getByRole("link", { name: "Fly it" }).click();
-  await page.getByText(`Now: layout ${design.id}`).waitFor();
+  await page.getByRole("link", { name: "Play layout" }).click();
+  await page.getByText(`Current layout: ${design.id}`).waitFor();
   await press(page, "Hold");
   await page.locator('output[data-step="1"]').waitFor();
   expect(problems).toEqual([]);
 });
 
 test("two evaluated policies are compared", async () => {
-  const { page, problems } = await openPage(browser, server.url);
+  const { server } = fixture;
+  const { page, problems } = await fixture.openPage();
   await visit(page, server.url, "/evaluations");
   await page.getByLabel("Suite").selectOption("docking-heldout-v1");
   for (const policy of ["hold", "heuristic"]) {
     await page.getByRole("combobox", { name: /^Policy/ }).selectOption(policy);
-    await press(page, "Evaluate it");
+    await page.getByRole("button", { name: "Evaluate", exact: true }).click();
   }
   // Either evaluation may complete first; a row has its check boxes once its evaluation is complete.
   const checkbox = (policy: string, side: string) =>
@@ -135,21 +131,16 @@ test("two evaluated policies are compared", async () => {
   await checkbox("heuristic", "A").check({ timeout: EVALUATION_TIMEOUT_MS });
   await checkbox("hold", "B").check({ timeout: EVALUATION_TIMEOUT_MS });
   await press(page, "Compare A with B");
-  await page.getByText("Difference of success").waitFor();
+  await page.getByText("Difference in success").waitFor();
   const cells = await page.locator("tbody tr").first().locator("td").allTextContents();
   expect(cells[2]).toMatch(/^[1-9]\d*\.\d % \[[1-9]/); // better than holding: a positive difference
   expect(problems).toEqual([]);
 });
 
 test("the address sets the episode filter, and terms have help", async () => {
-  await server.post("/v1/runs", {
-    id: "flown",
-    seed: 5,
-    tasks: ["kessler/survival"],
-    design: { designer: "off" },
-  });
-  await reportHeldEpisodes(server, "flown", 12);
-  const { page, problems } = await openPage(browser, server.url);
+  const { server } = fixture;
+  await createHeldRun(server, "flown", 12, { seed: 5 });
+  const { page, problems } = await fixture.openPage();
   const rows = page.locator("tbody tr");
   await visit(page, server.url, "/runs/flown/episodes?success=false&order=oldest");
   await rows.first().waitFor();
@@ -178,8 +169,9 @@ test("the address sets the episode filter, and terms have help", async () => {
 });
 
 test("the keyboard reaches every control of the runs page", async () => {
+  const { server } = fixture;
   await server.post("/v1/runs", { id: "keyboard" });
-  const { page } = await openPage(browser, server.url);
+  const { page } = await fixture.openPage();
   await visit(page, server.url, "/");
   await page.getByRole("button", { name: "Pause keyboard" }).waitFor();
   const reached: string[] = [];

@@ -1,9 +1,9 @@
 /** Checks the time range that the charts of a run share: it is selected by dragging, moved, narrowed and reset. */
 import { execFileSync } from "node:child_process";
-import type { Browser, Page } from "playwright-core";
-import { afterAll, beforeAll, expect, test } from "vitest";
-import { launchBrowser, openPage, visit, waitUntilIdle, type ObservedPage } from "./browser";
-import { reportHeldEpisodes, SparringServer } from "./server";
+import type { Page } from "playwright-core";
+import { expect, test } from "vitest";
+import { visit, waitUntilIdle, type ObservedPage } from "./browser";
+import { createHeldRun, useFixture } from "./fixture";
 
 const HOURS = 10;
 /** Copies the last minute of history to every minute of the ten hours before it. */
@@ -20,24 +20,11 @@ db.execute("UPDATE runs SET created_at = created_at - ?", (3600000 * ${String(HO
 db.commit()
 `;
 
-let browser: Browser;
-let server: SparringServer;
-beforeAll(async () => {
-  [browser, server] = [await launchBrowser(), await SparringServer.start()];
-  await server.post("/v1/runs", {
-    id: "long",
-    seed: 7,
-    tasks: ["kessler/survival"],
-    design: { designer: "off" },
-  });
-  await reportHeldEpisodes(server, "long", 16);
+const fixture = useFixture(async (server) => {
+  await createHeldRun(server, "long", 16);
   await server.kill();
   execFileSync("python3", ["-c", EXTEND_HISTORY, server.databasePath]);
   await server.restart();
-});
-afterAll(async () => {
-  await browser.close();
-  await server.dispose();
 });
 
 /** Range of the charts that a request has, as text; undefined for other requests. */
@@ -80,10 +67,10 @@ async function requestedRange(
 }
 
 test("a range selected on one chart applies to all charts", async () => {
-  const observed = await openPage(browser, server.url);
+  const observed = await fixture.openPage();
   const { page, problems } = observed;
   const ranges = recordRanges(page);
-  await visit(page, server.url, "/runs/long");
+  await visit(page, fixture.server.url, "/runs/long");
   const all = page.getByRole("button", { name: "All", exact: true });
   expect(await all.getAttribute("aria-pressed")).toBe("true");
   const plots = page.locator(".u-over");
@@ -106,12 +93,12 @@ test("a range selected on one chart applies to all charts", async () => {
   expect(await all.getAttribute("aria-pressed")).toBe("false");
 
   const press = (name: string) => page.getByRole("button", { name }).click();
-  // "Later" moves by half of the range; "Nearer" halves it.
+  // "Later" moves by half of the range; "Zoom in" halves it.
   const later = await requestedRange(observed, ranges, () => press("Later"));
   expect(later[0] - from).toBeCloseTo((to - from) / 2, 0);
   expect(later[1] - later[0]).toBeCloseTo(to - from, 0);
-  const nearer = await requestedRange(observed, ranges, () => press("Nearer"));
-  expect(nearer[1] - nearer[0]).toBeCloseTo((to - from) / 2, 0);
+  const zoomed = await requestedRange(observed, ranges, () => press("Zoom in"));
+  expect(zoomed[1] - zoomed[0]).toBeCloseTo((to - from) / 2, 0);
   const hour = await requestedRange(observed, ranges, () => press("1 h"));
   expect(hour[1] - hour[0]).toBeCloseTo(3600, 0);
 

@@ -1,29 +1,17 @@
 /** Checks live updates: events appear without a reload, also after a restart of the server. */
 import { readFile } from "node:fs/promises";
-import type { Browser } from "playwright-core";
-import { afterAll, beforeAll, expect, test } from "vitest";
-import { launchBrowser, openPage, visit } from "./browser";
-import { reportHeldEpisodes, SparringServer } from "./server";
+import { expect, test } from "vitest";
+import { visit } from "./browser";
+import { createHeldRun, useFixture } from "./fixture";
+import { reportHeldEpisodes } from "./server";
 
-let browser: Browser;
-let server: SparringServer;
-beforeAll(async () => {
-  [browser, server] = [await launchBrowser(), await SparringServer.start()];
-  await server.post("/v1/runs", {
-    id: "run",
-    seed: 7,
-    tasks: ["kessler/survival"],
-    design: { designer: "off" },
-  });
-  await reportHeldEpisodes(server, "run", 16);
-});
-afterAll(async () => {
-  await browser.close();
-  await server.dispose();
+const fixture = useFixture(async (server) => {
+  await createHeldRun(server, "run", 16);
 });
 
 test("events appear live and once, also after a restart", async () => {
-  const { page } = await openPage(browser, server.url);
+  const { server } = fixture;
+  const { page } = await fixture.openPage();
   await visit(page, server.url, "/runs/run");
   const status = page.getByRole("status");
   await page.getByText("live", { exact: true }).waitFor();
@@ -54,7 +42,8 @@ test("events appear live and once, also after a restart", async () => {
 });
 
 test("a chart exports its values as CSV", async () => {
-  const { page, problems } = await openPage(browser, server.url);
+  const { server } = fixture;
+  const { page, problems } = await fixture.openPage();
   await visit(page, server.url, "/runs/run");
   await page.getByRole("heading", { name: "Mastery of survival" }).waitFor();
   const [download] = await Promise.all([

@@ -22,33 +22,32 @@ export async function pagesOfTrainedRun(url: string, run: string): Promise<Recor
     runs: { route: "/", text: "sparring demo" },
     run: { route: `/runs/${run}`, text: "Mastery of survival" },
     failures: { route: `/runs/${run}/failures`, text: "collision" },
-    episodes: { route: `/runs/${run}/episodes`, text: "Origin" },
-    replay: { route: `/runs/${run}/episodes/${failures[0]?.episode ?? ""}?step=3`, text: "What happened" },
-    designs: { route: `/runs/${run}/designs`, text: "Who designs" },
-    design: { route: `/runs/${run}/designs/${designs[0]?.id ?? ""}`, text: "What agents did on it" },
+    episodes: { route: `/runs/${run}/episodes`, text: "Role" },
+    replay: { route: `/runs/${run}/episodes/${failures[0]?.episode ?? ""}?step=3`, text: "Timeline" },
+    designs: { route: `/runs/${run}/designs`, text: "Designers" },
+    design: { route: `/runs/${run}/designs/${designs[0]?.id ?? ""}`, text: "Agent results" },
     evaluations: { route: "/evaluations", text: "eval-1" },
-    evaluation: { route: "/evaluations/eval-1", text: "Scenario by scenario" },
-    compare: { route: "/evaluations/compare?a=eval-1&b=eval-2", text: "Difference of success" },
-    play: { route: "/play?task=kessler/survival&seed=7&level=4", text: "Where nobody acts" },
-    docking: { route: "/play?task=docking/multiagent&seed=7", text: "Where nobody acts" },
-    missing: { route: "/nowhere", text: "There is no such page" },
+    evaluation: { route: "/evaluations/eval-1", text: "Results by scenario" },
+    compare: { route: "/evaluations/compare?a=eval-1&b=eval-2", text: "Difference in success" },
+    play: { route: "/play?task=kessler/survival&seed=7&level=4", text: "Holding" },
+    docking: { route: "/play?task=docking/multiagent&seed=7", text: "Holding" },
+    missing: { route: "/nowhere", text: "Page not found" },
   };
 }
 
 /** Pages of a server whose only run, `new`, has no episodes. */
 export const PAGES_OF_EMPTY_RUN: Record<string, PageCase> = {
-  runs: { route: "/", text: "Leases" },
+  runs: { route: "/", text: "Active leases" },
   run: { route: "/runs/new", text: "No episodes yet" },
-  failures: { route: "/runs/new/failures", text: "No episode was criticised yet" },
+  failures: { route: "/runs/new/failures", text: "No critiques yet" },
   episodes: { route: "/runs/new/episodes", text: "No episodes yet" },
-  designs: { route: "/runs/new/designs", text: "Nothing was designed" },
-  evaluations: { route: "/evaluations", text: "There are none yet" },
+  designs: { route: "/runs/new/designs", text: "No designs yet" },
+  evaluations: { route: "/evaluations", text: "No evaluations yet" },
 };
 
-/** Creates the run of `PAGES_OF_EMPTY_RUN`, and returns the server. */
-export async function createEmptyRun(server: SparringServer): Promise<SparringServer> {
+/** Creates the run of `PAGES_OF_EMPTY_RUN`. */
+export async function createEmptyRun(server: SparringServer) {
   await server.post("/v1/runs", { id: "new" });
-  return server;
 }
 
 /** Opens each page, takes its screenshot, and checks its errors and its accessibility. */

@@ -49,7 +49,7 @@ test("a dragged burn shows its cost, is executed and undone", async () => {
   ];
   const cost = await page.locator('[data-agent="0"] td').last().textContent();
   expect(Number(cost)).toBeCloseTo(5 * Math.hypot(...dv), 1);
-  await page.getByRole("button", { name: "Do it" }).click();
+  await page.getByRole("button", { name: "Execute" }).click();
   await page.locator('output[data-step="1"]').waitFor();
   const after = ((await (await postFlight([[[0, ...dv]]])).json()) as FlightResponse).frames.at(-1)
     ?.observation.satellites[0];
@@ -58,13 +58,13 @@ test("a dragged burn shows its cost, is executed and undone", async () => {
     1,
   );
   expect(after?.fuel).toBeCloseTo(50 - 5 * Math.hypot(...dv), 6);
-  await page.getByRole("button", { name: "Take a step back" }).click();
+  await page.getByRole("button", { name: "Undo step" }).click();
   await page.locator('output[data-step="0"]').waitFor();
-  await page.getByText("tried again: 1 step").waitFor();
+  await page.getByText("1 step undone").waitFor();
   await page.getByRole("spinbutton", { name: "for steps" }).fill("50");
   await page.getByRole("button", { name: "Hold" }).click();
-  await page.getByText("It is over.").waitFor();
-  await page.getByText(/Score 0\.\d+, skill .*: (a success|no success), with steps taken back/).waitFor();
+  await page.getByText("Episode ended.").waitFor();
+  await page.getByText(/Score 0\.\d+, skill .*: (success|no success), with undone steps/).waitFor();
   expect(problems).toEqual([]);
   await page.context().close();
 });
@@ -81,8 +81,8 @@ test("a typed burn shows its cost and is rejected over the limit", async () => {
   await page.keyboard.press("ControlOrMeta+a");
   await page.keyboard.type("1.5");
   await page.getByText("each number must be from -1 to 1").waitFor();
-  expect(await page.getByRole("button", { name: "Do it" }).isDisabled()).toBe(true);
-  await page.getByRole("button", { name: "Drop the burns" }).click();
+  expect(await page.getByRole("button", { name: "Execute" }).isDisabled()).toBe(true);
+  await page.getByRole("button", { name: "Clear burns" }).click();
   expect(await burn.inputValue()).toBe("0");
   expect(problems).toEqual([]);
   await page.context().close();
@@ -108,7 +108,7 @@ test("the address holds the scenario until the page is left", async () => {
 test("the OpenEnv address opens the page for manual flights", async () => {
   const { page, problems } = await openPage(browser, url);
   await page.goto(`${url}/web/`);
-  await page.getByRole("heading", { name: "Fly it by hand" }).waitFor();
+  await page.getByRole("heading", { name: "Manual control" }).waitFor();
   expect((await fetch(`${url}/web/metadata`)).status).toBe(200);
   expect(problems).toEqual([]);
   await page.context().close();

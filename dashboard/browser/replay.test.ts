@@ -1,8 +1,8 @@
 /** Checks the replay of a known episode: the agents hold in the first scenario of seed 7 that loses a satellite. */
-import type { Browser, Page } from "playwright-core";
-import { afterAll, beforeAll, expect, test } from "vitest";
-import { launchBrowser, openPage, visit } from "./browser";
-import { reportHeldEpisodes, SparringServer } from "./server";
+import type { Page } from "playwright-core";
+import { expect, test } from "vitest";
+import { visit } from "./browser";
+import { createHeldRun, useFixture } from "./fixture";
 
 interface Frame {
   step: number;
@@ -12,20 +12,10 @@ interface Frame {
 /** First of 64 episodes that loses a satellite, with the step and the satellite; the same on every machine. */
 const KNOWN = { index: 2, step: 25, satellite: 1 };
 
-let browser: Browser;
-let server: SparringServer;
 let episode: string;
 let frames: Frame[];
-beforeAll(async () => {
-  [browser, server] = [await launchBrowser(), await SparringServer.start()];
-  await server.post("/v1/runs", {
-    id: "run",
-    seed: 7,
-    tasks: ["kessler/survival"],
-    strategy: "fixed",
-    design: { designer: "off" },
-  });
-  const episodes = await reportHeldEpisodes(server, "run", 64);
+const fixture = useFixture(async (server) => {
+  const episodes = await createHeldRun(server, "run", 64, { strategy: "fixed" });
   for (const [index, id] of episodes.entries()) {
     ({ frames } = await server.get<{ frames: Frame[] }>(`/v1/runs/run/episodes/${id}/replay`));
     const lost = frames.at(-1)?.state.satellites.find(({ status }) => status !== "active");
@@ -36,10 +26,6 @@ beforeAll(async () => {
     return;
   }
   throw new Error("no episode lost a satellite");
-});
-afterAll(async () => {
-  await browser.close();
-  await server.dispose();
 });
 
 /** Counts the pixels in a square of 24 px around a position (in LU) that have about this colour. */
@@ -75,8 +61,8 @@ async function countPixels(page: Page, x: number, y: number, colour: string): Pr
 }
 
 test("a contact is shown at its step and not before", async () => {
-  const { page, problems } = await openPage(browser, server.url);
-  await visit(page, server.url, `/runs/run/episodes/${episode}?step=${String(KNOWN.step - 1)}`);
+  const { page, problems } = await fixture.openPage();
+  await visit(page, fixture.server.url, `/runs/run/episodes/${episode}?step=${String(KNOWN.step - 1)}`);
   const satellite = page.locator(`[data-satellite="${String(KNOWN.satellite)}"]`);
   await page.locator(`output[data-step="${String(KNOWN.step - 1)}"]`).waitFor();
   expect(await satellite.getAttribute("data-status")).toBe("active");
@@ -96,9 +82,9 @@ test("a contact is shown at its step and not before", async () => {
 });
 
 test("a replay plays, pauses and is compared with the reference", async () => {
-  const { page, problems } = await openPage(browser, server.url);
+  const { page, problems } = await fixture.openPage();
   await page.clock.install();
-  await visit(page, server.url, `/runs/run/episodes/${episode}?step=0`);
+  await visit(page, fixture.server.url, `/runs/run/episodes/${episode}?step=0`);
   await page.getByLabel("Speed").selectOption("20 steps/s");
   await page.getByRole("button", { name: "Play", exact: true }).click();
   await expect
@@ -109,7 +95,7 @@ test("a replay plays, pauses and is compared with the reference", async () => {
   // At 20 steps/s a replay that is not paused would advance by 6 steps.
   await page.clock.runFor(300);
   expect(await page.locator("output[data-step]").getAttribute("data-step")).toBe(pausedAt);
-  await page.getByLabel("Beside it").selectOption("the reference");
+  await page.getByLabel("Compare with").selectOption("reference");
   await expect.poll(() => page.locator("canvas").count()).toBe(2);
   await page.locator("h2").first().click(); // moves the focus, so that keys do not change the select box
   await page.keyboard.press("End");

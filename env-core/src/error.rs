@@ -1,6 +1,8 @@
 //! Typed errors of the worlds. Each names the field at fault, the value found and the valid values. A field is a dotted
 //! path; indices of lists count from 0, in paths and in messages.
 
+use std::fmt::Display;
+
 use crate::number_format::format_shortest;
 
 /// An invalid scenario or recipe.
@@ -73,6 +75,23 @@ pub enum ScenarioError {
 }
 
 impl ScenarioError {
+    /// Checks that a number is between `min` and `max`; NaN is not.
+    ///
+    /// # Errors
+    /// Returns [`ScenarioError::OutOfRange`] at `field` if it is not.
+    pub(crate) fn check_range(field: impl Display, value: f64, min: f64, max: f64) -> Result<(), Self> {
+        if value >= min && value <= max {
+            Ok(())
+        } else {
+            Err(Self::OutOfRange { field: field.to_string(), value, min, max })
+        }
+    }
+
+    /// Creates a [`ScenarioError::Layout`] error.
+    pub(crate) fn layout(field: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self::Layout { field: field.into(), reason: reason.into() }
+    }
+
     /// Dotted path of the field at fault.
     #[must_use]
     pub fn field(&self) -> &str {

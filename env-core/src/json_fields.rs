@@ -3,9 +3,7 @@
 use serde_json::{Map, Value};
 
 use crate::error::ScenarioError;
-
-/// Longest part of an input that an error message repeats, in characters.
-const MAX_QUOTED_CHARS: usize = 60;
+use crate::text::{MAX_QUOTED_CHARS, shorten};
 
 /// Reads a JSON object.
 pub(crate) fn read_object<'a>(
@@ -24,7 +22,7 @@ pub(crate) fn reject_unknown_fields(
     match fields.keys().find(|key| !names.contains(&key.as_str())) {
         None => Ok(()),
         Some(key) => Err(ScenarioError::UnknownField {
-            field: format!("{prefix}{}", shorten(key)),
+            field: format!("{prefix}{}", shorten(key, MAX_QUOTED_CHARS)),
             known: names.join(", "),
         }),
     }
@@ -55,16 +53,7 @@ pub(crate) fn read_number(field: &str, value: &Value) -> Result<f64, ScenarioErr
 pub(crate) fn wrong_type(field: &str, value: &Value, wanted: &str) -> ScenarioError {
     ScenarioError::WrongType {
         field: field.to_owned(),
-        found: shorten(&value.to_string()),
+        found: shorten(&value.to_string(), MAX_QUOTED_CHARS),
         wanted: wanted.to_owned(),
-    }
-}
-
-/// Shortens untrusted text to [`MAX_QUOTED_CHARS`] for a message.
-pub(crate) fn shorten(text: &str) -> String {
-    if text.chars().count() <= MAX_QUOTED_CHARS {
-        text.to_owned()
-    } else {
-        text.chars().take(MAX_QUOTED_CHARS - 3).chain("...".chars()).collect()
     }
 }

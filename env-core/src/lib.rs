@@ -17,6 +17,7 @@ pub mod batch;
 pub mod bracket;
 mod canonical;
 pub mod critique;
+mod difference_tally;
 pub mod docking;
 pub mod episode_rng;
 pub mod error;
@@ -37,6 +38,7 @@ pub mod space;
 pub mod task;
 #[cfg(test)]
 mod testing;
+pub mod text;
 pub mod world;
 
 pub use admission::{Admission, SuccessRule};

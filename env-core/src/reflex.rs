@@ -27,9 +27,14 @@ pub struct ParameterMeaning {
     pub unit: &'static str,
 }
 
-/// The first `N` parameters; missing ones and NaN become ½.
+/// The first `N` parameters; missing ones are ½.
 pub(crate) fn parameter_array<const N: usize>(given: &[f64]) -> [f64; N] {
-    std::array::from_fn(|i| given.get(i).copied().filter(|v| !v.is_nan()).unwrap_or(0.5))
+    std::array::from_fn(|i| given.get(i).copied().unwrap_or(0.5))
+}
+
+/// Clamps parameters to [0, 1]; NaN becomes ½.
+pub(crate) fn clamp_parameters<const N: usize>(parameters: [f64; N]) -> [f64; N] {
+    parameters.map(|v| if v.is_nan() { 0.5 } else { v.clamp(0.0, 1.0) })
 }
 
 /// Samples uniform random parameters: a learner starts from them, and `frozen` keeps them.

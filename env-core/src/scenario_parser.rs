@@ -5,10 +5,11 @@ use std::collections::BTreeMap;
 use serde_json::{Map, Value};
 
 use crate::error::ScenarioError;
-use crate::json_fields::{read_number, read_object, read_text, reject_unknown_fields, shorten, wrong_type};
+use crate::json_fields::{read_number, read_object, read_text, reject_unknown_fields, wrong_type};
 use crate::registry;
 use crate::seed::{SEED_REQUIREMENT, Seed};
 use crate::task::{Layout, LayoutMode, MAX_LAYOUT_ROWS, Recipe, Scenario, TaskSpec};
+use crate::text::{MAX_QUOTED_CHARS, shorten};
 
 impl Recipe {
     /// Parses a recipe. Params and options that are absent have their defaults.
@@ -45,13 +46,14 @@ fn parse_recipe(fields: &Map<String, Value>) -> Result<Recipe, ScenarioError> {
     let mut params = Vec::new();
     if let Some(given) = fields.get("params").filter(|v| !v.is_null()) {
         for (name, value) in read_object("params", given)? {
-            params.push((name.as_str(), read_number(&format!("params.{}", shorten(name)), value)?));
+            let field = format!("params.{}", shorten(name, MAX_QUOTED_CHARS));
+            params.push((name.as_str(), read_number(&field, value)?));
         }
     }
     let mut recipe = Recipe::with_params(task, params.into_iter())?;
     if let Some(given) = fields.get("physics").filter(|v| !v.is_null()) {
         for (name, choice) in read_object("physics", given)? {
-            let name = shorten(name);
+            let name = shorten(name, MAX_QUOTED_CHARS);
             let choice = read_text(&format!("physics.{name}"), Some(choice), "a word")?;
             recipe.set_option(&name, choice)?;
         }
@@ -68,7 +70,7 @@ fn parse_task(fields: &Map<String, Value>) -> Result<&'static dyn TaskSpec, Scen
     let Some(task) = registry::task(id) else {
         return Err(ScenarioError::UnknownChoice {
             field: "task".to_owned(),
-            value: shorten(id),
+            value: shorten(id, MAX_QUOTED_CHARS),
             choices: registry::tasks().map(TaskSpec::id).collect::<Vec<_>>().join(", "),
         });
     };
@@ -77,7 +79,7 @@ fn parse_task(fields: &Map<String, Value>) -> Result<&'static dyn TaskSpec, Scen
         if world != task.world() {
             return Err(ScenarioError::UnknownChoice {
                 field: "world".to_owned(),
-                value: shorten(world),
+                value: shorten(world, MAX_QUOTED_CHARS),
                 choices: task.world().to_owned(),
             });
         }
@@ -95,7 +97,7 @@ fn parse_layout(value: &Value) -> Result<Layout, ScenarioError> {
         other => {
             return Err(ScenarioError::UnknownChoice {
                 field: "layout.mode".to_owned(),
-                value: shorten(other),
+                value: shorten(other, MAX_QUOTED_CHARS),
                 choices: "replace, extend".to_owned(),
             });
         }
@@ -106,7 +108,7 @@ fn parse_layout(value: &Value) -> Result<Layout, ScenarioError> {
     })?;
     let mut bodies = BTreeMap::new();
     for (name, table) in read_object("layout.bodies", given)? {
-        let field = format!("layout.bodies.{}", shorten(name));
+        let field = format!("layout.bodies.{}", shorten(name, MAX_QUOTED_CHARS));
         bodies.insert(name.clone(), parse_table(&field, table)?);
     }
     let provenance = fields.get("provenance").filter(|v| !v.is_null()).cloned();

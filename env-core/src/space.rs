@@ -44,13 +44,10 @@ impl ParamSpec {
     /// Returns [`ScenarioError::OutOfRange`] if the value is out of bounds, and [`ScenarioError::WrongType`] if it must be an
     /// integer and is not.
     pub fn check(&self, value: f64) -> Result<f64, ScenarioError> {
-        let field = || format!("params.{}", self.name);
-        if !(value >= self.min && value <= self.max) {
-            return Err(ScenarioError::OutOfRange { field: field(), value, min: self.min, max: self.max });
-        }
+        ScenarioError::check_range(format_args!("params.{}", self.name), value, self.min, self.max)?;
         if self.whole && libm::floor(value) != value {
             return Err(ScenarioError::WrongType {
-                field: field(),
+                field: format!("params.{}", self.name),
                 found: value.to_string(),
                 wanted: "a whole number".to_owned(),
             });

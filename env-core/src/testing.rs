@@ -8,6 +8,11 @@ use crate::rollout::replay;
 use crate::seed::Seed;
 use crate::task::{Recipe, Scenario, StepReport, TaskSpec};
 
+/// The JSON of a compressed fixture.
+pub(crate) fn decompress(compressed: &[u8]) -> Value {
+    serde_json::from_reader(flate2::read::GzDecoder::new(compressed)).unwrap()
+}
+
 /// A scenario of a task at a level of its default table.
 pub(crate) fn at_level(task: &str, level: usize, seed: u64) -> Scenario {
     let task = crate::task(task).unwrap();

@@ -78,9 +78,9 @@ impl WorstDifference {
 
     /// Replaces the record by another difference of the same quantity if that is worse.
     pub fn update(&mut self, difference: f64, allowed: f64) {
-        // A difference beyond the allowed one is worse than one within; otherwise the ratio decides.
+        // A difference beyond the allowed one is worse than one within; then the ratio decides, which may overflow.
         let rank = |difference: f64, allowed: f64| {
-            (difference > allowed, difference / allowed.max(f64::MIN_POSITIVE))
+            (difference > allowed, difference / allowed.max(f64::MIN_POSITIVE), difference)
         };
         if difference > 0.0 && rank(difference, allowed) > rank(self.difference, self.allowed) {
             (self.difference, self.allowed) = (difference, allowed);

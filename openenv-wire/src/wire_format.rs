@@ -1,4 +1,4 @@
-//! The interface of a task's OpenEnv protocol, and its one implementation.
+//! The interface of a task's OpenEnv protocol, and `WorldFormat`, its implementation for all worlds.
 
 use std::sync::{LazyLock, OnceLock};
 

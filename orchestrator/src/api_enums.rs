@@ -46,7 +46,7 @@ convert_enum!(api::GroupRole => groups::GroupRole {
     Placement, Frontier, Rehearsal, Sample, Explore, Replay, Edit, Boundary, Designed, Suite,
 });
 convert_enum!(layouts::LayoutState => api::DesignState { Active, Retired, Refused });
-convert_enum!(layouts::LayoutClaim => api::DesignClaim { Threat, Decoy });
+convert_enum!(layouts::LayoutKind => api::LayoutKind { Threat, Decoy });
 convert_enum!(leases::Purpose => api::LeasePurpose { Train, Probe, Eval });
 convert_enum!(api::LeasePurpose => leases::Purpose { Train, Probe, Eval });
 convert_enum!(leases::LeaseForm => api::LeaseForm { Groups, Columns });

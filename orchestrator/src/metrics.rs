@@ -47,7 +47,7 @@ pub fn register() {
     describe_histogram!("sparring_http_request_seconds", Unit::Seconds, "How long requests took, by route.");
     describe_counter!(
         "sparring_leases_total",
-        "Leases by what happened to them: taken, renewed, done, released, expired."
+        "Leases by what happened to them: created, renewed, done, released, expired."
     );
     describe_counter!("sparring_results_total", "Reported episodes, by status and code of their receipts.");
     describe_counter!(
@@ -58,7 +58,7 @@ pub fn register() {
     describe_counter!("sparring_moves_total", "Level moves, by task and direction.");
     describe_counter!("sparring_layouts_total", "Designed layouts, by the verdict of the gate.");
     describe_counter!("sparring_rollout_groups_total", "Groups that the server's workers pushed to a feed.");
-    describe_counter!("sparring_folded_episodes_total", "Episodes of compacted leases.");
+    describe_counter!("sparring_compacted_episodes_total", "Episodes of compacted leases.");
     describe_counter!("sparring_commit_failures_total", "Commits that failed; nothing of them was kept.");
     describe_histogram!("sparring_commit_seconds", Unit::Seconds, "How long commits took, to the disk.");
     describe_histogram!("sparring_commit_changes", "Changes that were committed together.");
@@ -90,7 +90,7 @@ fn register_zeros() {
     }
     counter!("sparring_mismatches_total").absolute(0);
     counter!("sparring_rollout_groups_total").absolute(0);
-    counter!("sparring_folded_episodes_total").absolute(0);
+    counter!("sparring_compacted_episodes_total").absolute(0);
     counter!("sparring_commit_failures_total").absolute(0);
     gauge!("sparring_connections").increment(0.0);
 }
@@ -143,7 +143,7 @@ pub fn record_rollout_group() {
 
 /// Counts episodes of compacted leases.
 pub fn record_compacted(episodes: u64) {
-    counter!("sparring_folded_episodes_total").increment(episodes);
+    counter!("sparring_compacted_episodes_total").increment(episodes);
 }
 
 /// Counts a commit of `changes` changes, successful or not.

@@ -83,7 +83,7 @@ pub struct DesignRequestRow {
     /// Criticised episodes that the profile rests on.
     pub criticised: Option<i64>,
     /// Problems that did not end the request, as a JSON list of sentences.
-    pub errors: String,
+    pub warnings: String,
     /// Why the request failed.
     pub error: Option<String>,
     /// When the request was made.
@@ -131,7 +131,7 @@ pub struct DesignRequestResult {
     /// Duration of it, milliseconds.
     pub latency_ms: i64,
     /// Problems that did not end the request, one sentence each.
-    pub errors: Vec<String>,
+    pub warnings: Vec<String>,
     /// Why the request failed; none if it succeeded.
     pub error: Option<String>,
 }
@@ -193,10 +193,10 @@ pub async fn finish(
     now: Millis,
 ) -> Result<bool, StoreError> {
     let state = if result.error.is_some() { RequestState::Failed } else { RequestState::Done };
-    let errors = to_json(&result.errors)?;
+    let warnings = to_json(&result.warnings)?;
     let done = query!(
         "UPDATE design_requests SET state = ?, admitted = ?, admitted_without_fallback = ?, refused = ?, model = ?,
-             prompt_version = ?, rounds = ?, tokens_in = ?, tokens_out = ?, cost = ?, latency_ms = ?, errors = ?, error = ?,
+             prompt_version = ?, rounds = ?, tokens_in = ?, tokens_out = ?, cost = ?, latency_ms = ?, warnings = ?, error = ?,
              ended_at = ?
          WHERE id = ? AND state IN ('waiting', 'running')",
         state,
@@ -210,7 +210,7 @@ pub async fn finish(
         result.tokens_out,
         result.cost,
         result.latency_ms,
-        errors,
+        warnings,
         result.error,
         now,
         id
@@ -242,7 +242,7 @@ macro_rules! query_requests {
             DesignRequestRow,
             r#"SELECT id, run, task, level, designer AS "designer: DesignerKind", requested_by AS "requested_by: RequestOrigin",
                       state AS "state: RequestState", wanted, admitted, admitted_without_fallback, refused, model,
-                      prompt_version, rounds, tokens_in, tokens_out, cost, latency_ms, profile, criticised, errors, error,
+                      prompt_version, rounds, tokens_in, tokens_out, cost, latency_ms, profile, criticised, warnings, error,
                       created_at, ended_at
                FROM design_requests "# + $rest,
             $($argument),+

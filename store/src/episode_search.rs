@@ -75,7 +75,7 @@ pub struct EpisodeCursor {
 /// Row of the search statement.
 #[derive(FromRow)]
 struct SearchRow {
-    token: String,
+    id_suffix: String,
     task: String,
     level: Option<i64>,
     role: GroupRole,
@@ -110,7 +110,7 @@ pub async fn page(
     limit: i64,
 ) -> Result<Vec<ListedEpisode>, StoreError> {
     let mut statement = QueryBuilder::new(
-        "SELECT l.token, g.task, g.level, g.role, g.layout, e.lease, e.number, e.state, e.digest, e.score, e.success, e.skill,
+        "SELECT l.id_suffix, g.task, g.level, g.role, g.layout, e.lease, e.number, e.state, e.digest, e.score, e.success, e.skill,
                 e.floor, e.reference, e.planner_version, e.outcome, e.policy_version, e.reason, e.metrics, e.at
          FROM leases l JOIN episodes e ON e.lease = l.id
          JOIN groups g ON g.lease = e.lease AND g.number = e.number / l.group_size
@@ -192,7 +192,7 @@ fn push_cursor(statement: &mut QueryBuilder<Sqlite>, order: EpisodeOrder, after:
 impl From<SearchRow> for ListedEpisode {
     fn from(r: SearchRow) -> Self {
         Self {
-            token: r.token,
+            id_suffix: r.id_suffix,
             group: EpisodeGroup { task: r.task, level: r.level, role: r.role, layout: r.layout },
             row: EpisodeRow {
                 lease: r.lease,

@@ -247,8 +247,8 @@ fn decode_log(body: &[u8]) -> Result<ActionLog, StoreError> {
 /// A reported episode in a list.
 #[derive(Debug, Clone)]
 pub struct ListedEpisode {
-    /// Token of the lease.
-    pub token: String,
+    /// Suffix of the lease id.
+    pub id_suffix: String,
     /// The group of the episode.
     pub group: EpisodeGroup,
     /// Row of the episode.
@@ -279,7 +279,7 @@ pub async fn page(
     limit: i64,
 ) -> Result<Vec<ListedEpisode>, StoreError> {
     let rows = query!(
-        r#"SELECT l.token, g.task, g.level, g.role AS "role: GroupRole", g.layout, e.lease AS "lease!", e.number AS "number!",
+        r#"SELECT l.id_suffix, g.task, g.level, g.role AS "role: GroupRole", g.layout, e.lease AS "lease!", e.number AS "number!",
                   e.state AS "state: EpisodeState", e.digest, e.score, e.success AS "success: bool", e.skill, e.floor,
                   e.reference, e.planner_version, e.outcome, e.policy_version, e.reason, e.metrics, e.at
            FROM leases l JOIN episodes e ON e.lease = l.id
@@ -294,7 +294,7 @@ pub async fn page(
     .fetch_all(conn)
     .await?;
     let listed = rows.into_iter().map(|r| ListedEpisode {
-        token: r.token,
+        id_suffix: r.id_suffix,
         group: EpisodeGroup { task: r.task, level: r.level, role: r.role, layout: r.layout },
         row: EpisodeRow {
             lease: r.lease,

@@ -11,7 +11,7 @@ pub enum StoreError {
     #[error("the database failed: {0}")]
     Database(sqlx::Error),
     /// The transaction was rolled back.
-    #[error("the database undid what was under way: {0}")]
+    #[error("the transaction was rolled back: {0}")]
     RolledBack(Outage),
     /// A stored value cannot be decoded: the file was changed by hand, or by a newer version.
     #[error("{item} in the database cannot be read: {reason}")]
@@ -27,14 +27,14 @@ pub enum StoreError {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Outage {
     /// The disk is full.
-    #[error("the disk is full, or the file may not grow; make room, and it goes on by itself")]
+    #[error("the disk is full, or the file cannot grow; writes resume automatically once space is free")]
     Full,
     /// Another process holds a lock.
-    #[error("another process holds the database; it goes on by itself when that lets go")]
+    #[error("another process holds the database lock; writes resume automatically once it is released")]
     Locked,
     /// Reads or writes fail.
     #[error(
-        "the disk fails, or the file or its folder may not be used; the server's log has the system's word for it"
+        "the disk fails, or the file or its folder cannot be accessed; the server's log has the system error"
     )]
     Disk,
     /// The file was removed or replaced: writes would be lost.

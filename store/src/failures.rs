@@ -224,8 +224,8 @@ pub struct CellEpisode {
     pub cell: i64,
     /// Number of the episode's lease.
     pub lease: i64,
-    /// Token of the lease.
-    pub token: String,
+    /// Suffix of the lease id.
+    pub id_suffix: String,
     /// Index of the episode in the lease.
     pub number: i64,
 }
@@ -243,7 +243,7 @@ pub async fn newest_episodes(
 ) -> Result<Vec<CellEpisode>, StoreError> {
     Ok(sqlx::query_as!(
         CellEpisode,
-        r#"SELECT c.id AS "cell!", l.id AS "lease!", l.token AS "token!", x.number AS "number!"
+        r#"SELECT c.id AS "cell!", l.id AS "lease!", l.id_suffix AS "id_suffix!", x.number AS "number!"
            FROM failure_cells c
            JOIN (SELECT cell, lease, number, max(ordinal) AS ordinal,
                         row_number() OVER (PARTITION BY cell ORDER BY max(ordinal) DESC) AS rank
@@ -291,8 +291,8 @@ pub struct ListedFailure {
     pub cell: i64,
     /// Key of the cell.
     pub key: CellKey,
-    /// Token of the episode's lease.
-    pub token: String,
+    /// Suffix of the episode's lease id.
+    pub id_suffix: String,
     /// The failure as stored.
     pub example: FailureExample,
 }
@@ -311,7 +311,7 @@ pub async fn examples(
     let end = FailureCursor { episode_ordinal: i64::MAX, cell: i64::MAX, ordinal: i64::MAX };
     let FailureCursor { episode_ordinal, cell, ordinal } = filter.before.unwrap_or(end);
     let rows = query!(
-        r#"SELECT c.id AS "cell!", c.mode AS "mode!", c.sector AS "sector!", c.band AS "band!", l.token AS "token!",
+        r#"SELECT c.id AS "cell!", c.mode AS "mode!", c.sector AS "sector!", c.band AS "band!", l.id_suffix AS "id_suffix!",
                   x.ordinal AS "ordinal!", x.episode_ordinal AS "episode_ordinal!", x.lease AS "lease!", x.number AS "number!",
                   x.agent AS "agent!", x.step AS "step!", x.bearing_deg, x.relative_speed, x.steps_left,
                   x.avoidable AS "avoidable: bool"
@@ -334,7 +334,7 @@ pub async fn examples(
     let failures = rows.into_iter().map(|r| ListedFailure {
         cell: r.cell,
         key: CellKey::from_columns(r.mode, r.sector, r.band),
-        token: r.token,
+        id_suffix: r.id_suffix,
         example: FailureExample {
             ordinal: r.ordinal,
             episode_ordinal: r.episode_ordinal,

@@ -10,13 +10,13 @@ use serde::{Deserialize, Serialize};
 #[serde(transparent)]
 pub struct RunId(String);
 
-/// Id of a lease, written `<number>-<token>`. The token keeps leases of different databases apart.
+/// Id of a lease, written `<number>-<suffix>`. The suffix keeps leases of different databases apart.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct LeaseId {
     /// Number of the lease, from 1, in order of granting.
     pub number: i64,
     /// Six letters and digits.
-    pub token: String,
+    pub suffix: String,
 }
 
 /// Id of an episode, written `ep_<lease>_<index>`.
@@ -78,27 +78,27 @@ impl<'de> Deserialize<'de> for RunId {
     }
 }
 
-/// Characters of a lease's token.
-const LEASE_TOKEN_CHARS: usize = 6;
+/// Characters of the suffix of a lease id.
+const LEASE_SUFFIX_CHARS: usize = 6;
 
 impl FromStr for LeaseId {
     type Err = InvalidId;
 
     fn from_str(text: &str) -> Result<Self, InvalidId> {
         let invalid = InvalidId("a lease's id is a number, a dash and six letters or digits, as 42-x7k2p9");
-        let (number, token) = text.split_once('-').ok_or_else(|| invalid.clone())?;
+        let (number, suffix) = text.split_once('-').ok_or_else(|| invalid.clone())?;
         // A lease has one id: neither 042 nor +42 is a number of a lease.
         let is_canonical = |n: &i64| *n > 0 && n.to_string() == number;
         let number = number.parse::<i64>().ok().filter(is_canonical).ok_or_else(|| invalid.clone())?;
-        let is_valid = token.len() == LEASE_TOKEN_CHARS
-            && token.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit());
-        if is_valid { Ok(Self { number, token: token.to_owned() }) } else { Err(invalid) }
+        let is_valid = suffix.len() == LEASE_SUFFIX_CHARS
+            && suffix.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit());
+        if is_valid { Ok(Self { number, suffix: suffix.to_owned() }) } else { Err(invalid) }
     }
 }
 
 impl fmt::Display for LeaseId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}-{}", self.number, self.token)
+        write!(f, "{}-{}", self.number, self.suffix)
     }
 }
 

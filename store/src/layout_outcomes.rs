@@ -20,7 +20,7 @@ pub struct LayoutOutcome {
     /// Success rates of the last outcomes, including this one, as JSON.
     pub recent_success_rates: String,
     /// Consecutive outcomes without a success, including this one.
-    pub barren_streak: i64,
+    pub zero_success_streak: i64,
 }
 
 /// Adds an outcome to a layout.
@@ -34,13 +34,13 @@ pub async fn add_outcome(
 ) -> Result<(), StoreError> {
     query!(
         "UPDATE layouts SET outcomes = outcomes + 1, episodes = episodes + ?, successes = successes + ?,
-             score_sum = score_sum + ?, regret_sum = regret_sum + ?, recent_success_rates = ?, barren_streak = ? WHERE id = ?",
+             score_sum = score_sum + ?, regret_sum = regret_sum + ?, recent_success_rates = ?, zero_success_streak = ? WHERE id = ?",
         outcome.episodes,
         outcome.successes,
         outcome.score_sum,
         outcome.regret_sum,
         outcome.recent_success_rates,
-        outcome.barren_streak,
+        outcome.zero_success_streak,
         id
     )
     .execute(conn)
@@ -83,7 +83,7 @@ pub async fn reset_success_rates(
     id: i64,
     rates: &str,
 ) -> Result<(), StoreError> {
-    query!("UPDATE layouts SET recent_success_rates = ?, barren_streak = 0 WHERE id = ?", rates, id)
+    query!("UPDATE layouts SET recent_success_rates = ?, zero_success_streak = 0 WHERE id = ?", rates, id)
         .execute(conn)
         .await?;
     Ok(())

@@ -30,8 +30,8 @@ text_enum! {
 }
 
 text_enum! {
-    /// Claim of a layout about its scenario.
-    pub enum LayoutClaim: "a layout's claim" {
+    /// Kind of a layout.
+    pub enum LayoutKind: "a layout's kind" {
         /// An agent that does nothing loses.
         Threat = "threat",
         /// An agent that does nothing succeeds, and acting is a waste.
@@ -75,7 +75,7 @@ pub struct LayoutRow {
     /// Why the gate refused the layout, in a sentence.
     pub refusal_reason: Option<String>,
     /// Claim of the layout about its scenario.
-    pub claim: Option<LayoutClaim>,
+    pub kind: Option<LayoutKind>,
     /// Distance to the nearest design that was known then, 0 to 1.
     pub novelty: Option<f64>,
     /// Id of the scenario.
@@ -101,7 +101,7 @@ pub struct LayoutRow {
     /// Success rates of the last outcomes, oldest first, as JSON.
     pub recent_success_rates: String,
     /// Consecutive outcomes without a success, up to the last one.
-    pub barren_streak: i64,
+    pub zero_success_streak: i64,
     /// When a group of the layout was leased last.
     pub served_at: Option<Millis>,
     /// When the layout was made.
@@ -150,7 +150,7 @@ pub struct NewLayout {
     /// Why the gate refused the layout, in a sentence.
     pub refusal_reason: Option<String>,
     /// Claim of the layout about its scenario.
-    pub claim: Option<LayoutClaim>,
+    pub kind: Option<LayoutKind>,
     /// Distance to the nearest known design, 0 to 1.
     pub novelty: Option<f64>,
     /// Id of the scenario.
@@ -166,7 +166,7 @@ pub struct NewLayout {
 pub async fn insert(conn: &mut SqliteConnection, new: &NewLayout, now: Millis) -> Result<i64, StoreError> {
     Ok(sqlx::query_scalar!(
         r#"INSERT INTO layouts (request, run, task, level, designer, name, design, mode, bearing_deg, frame, round, state,
-                                gate_check, refusal_reason, claim, novelty, scenario, training_groups_at_creation,
+                                gate_check, refusal_reason, kind, novelty, scenario, training_groups_at_creation,
                                 created_at)
            VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) RETURNING id AS "id!""#,
         new.request,
@@ -183,7 +183,7 @@ pub async fn insert(conn: &mut SqliteConnection, new: &NewLayout, now: Millis) -
         new.state,
         new.gate_check,
         new.refusal_reason,
-        new.claim,
+        new.kind,
         new.novelty,
         new.scenario,
         new.training_groups_at_creation,
@@ -200,9 +200,9 @@ macro_rules! query_layouts {
             LayoutRow,
             r#"SELECT id, request, run, task, level, designer, name, design, mode, bearing_deg, frame, round,
                       state AS "state: LayoutState", retirement_reason AS "retirement_reason: RetirementReason", gate_check,
-                      refusal_reason, claim AS "claim: LayoutClaim", novelty, scenario, training_groups_at_creation, groups,
+                      refusal_reason, kind AS "kind: LayoutKind", novelty, scenario, training_groups_at_creation, groups,
                       outcomes, episodes, successes, score_sum, regret_sum, failure_episodes, aimed_failure_episodes,
-                      recent_success_rates, barren_streak, served_at, created_at, retired_at
+                      recent_success_rates, zero_success_streak, served_at, created_at, retired_at
                FROM layouts "# + $rest,
             $($argument),+
         )
@@ -310,8 +310,8 @@ pub async fn archive(
 pub struct LayoutEpisode {
     /// Number of the lease.
     pub lease: i64,
-    /// Token of the lease.
-    pub token: String,
+    /// Suffix of the lease id.
+    pub id_suffix: String,
     /// Index of the episode in the lease.
     pub number: i64,
 }
@@ -327,7 +327,7 @@ pub async fn episodes(
 ) -> Result<Vec<LayoutEpisode>, StoreError> {
     Ok(sqlx::query_as!(
         LayoutEpisode,
-        r#"SELECT l.id AS "lease!", l.token AS "token!", e.number AS "number!"
+        r#"SELECT l.id AS "lease!", l.id_suffix AS "id_suffix!", e.number AS "number!"
            FROM groups g JOIN leases l ON l.id = g.lease
            JOIN episodes e ON e.lease = g.lease AND e.number >= g.number * l.group_size
                 AND e.number < (g.number + 1) * l.group_size AND e.state = 'finished'

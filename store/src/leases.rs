@@ -51,7 +51,7 @@ pub struct LeaseRow {
     /// Number of the lease, from 1, in order of granting.
     pub id: i64,
     /// Token of the lease's id.
-    pub token: String,
+    pub id_suffix: String,
     /// Id of the run.
     #[serde(skip)]
     pub run: String,
@@ -97,7 +97,7 @@ impl LeaseRow {
     /// Id of the lease.
     #[must_use]
     pub fn lease_id(&self) -> LeaseId {
-        LeaseId { number: self.id, token: self.token.clone() }
+        LeaseId { number: self.id, suffix: self.id_suffix.clone() }
     }
 
     /// Id of the lease as text.
@@ -118,7 +118,7 @@ macro_rules! query_leases {
     ($rest:literal, $($argument:expr),+ $(,)?) => {
         sqlx::query_as!(
             $crate::leases::LeaseRow,
-            r#"SELECT id, token, run, purpose AS "purpose: Purpose", form AS "form: LeaseForm",
+            r#"SELECT id, id_suffix, run, purpose AS "purpose: Purpose", form AS "form: LeaseForm",
                       status AS "status: LeaseStatus", groups, group_size, policy_version, ttl_ms, created_at, expires_at,
                       is_compacted AS "is_compacted: bool", owner
                FROM leases "# + $rest,
@@ -163,11 +163,11 @@ pub async fn insert(
     groups: &[GroupRow],
 ) -> Result<(), StoreError> {
     let mut statements = QueryBuilder::new(
-        "INSERT INTO leases (id, token, run, purpose, form, status, groups, group_size, policy_version, ttl_ms,
+        "INSERT INTO leases (id, id_suffix, run, purpose, form, status, groups, group_size, policy_version, ttl_ms,
                              created_at, expires_at, owner) ",
     );
     statements.push_values([row], |mut values, row| {
-        values.push_bind(row.id).push_bind(&row.token).push_bind(&row.run).push_bind(row.purpose);
+        values.push_bind(row.id).push_bind(&row.id_suffix).push_bind(&row.run).push_bind(row.purpose);
         values.push_bind(row.form).push_bind(row.status).push_bind(row.groups).push_bind(row.group_size);
         values.push_bind(row.policy_version).push_bind(row.ttl_ms).push_bind(row.created_at);
         values.push_bind(row.expires_at).push_bind(row.owner);

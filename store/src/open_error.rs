@@ -12,7 +12,7 @@ pub enum OpenError {
     NotADatabase(String),
     /// Pages of the database are damaged.
     #[error(
-        "{0} is damaged: pages of it are torn; if it was just put there, remove {0}-wal and {0}-shm, which are of what was there before; else go back to a copy, as `sparring db backup` makes them"
+        "{0} is corrupt: if you just restored it, delete the old {0}-wal and {0}-shm; otherwise restore a backup that `sparring db backup` made"
     )]
     Damaged(String),
     /// The database belongs to another application.
@@ -32,7 +32,7 @@ pub enum OpenError {
     },
     /// An older version wrote the database, and this command does not migrate it.
     #[error(
-        "{path} was written by an older Sparring (schema {found}, this one has {known}): start `sparring serve` on it once, which copies it and brings it on"
+        "{path} was written by an older Sparring (schema {found}, this one has {known}): run `sparring serve` on it once, which backs up and migrates the database"
     )]
     Older {
         /// Path of the database.
@@ -50,7 +50,7 @@ pub enum OpenError {
     Locked(String),
     /// The file has several names, and each would have its own write-ahead log (sqlite.org/howtocorrupt.html).
     #[error(
-        "{0} has another name (it is hard-linked), and a database of two names is lost where both are used: copy it by `sparring db backup`, or remove the other name"
+        "{0} is hard-linked, and opening it by both names corrupts it: copy it with `sparring db backup`, or remove the other name"
     )]
     Linked(String),
     /// The path is a folder or a device.

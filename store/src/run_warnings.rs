@@ -28,7 +28,7 @@ pub struct NewWarning<'a> {
     pub message: &'a str,
 }
 
-/// Row of the `run_warnings` table, with the token of its lease.
+/// Row of the `run_warnings` table, with the suffix of its lease id.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RunWarningRow {
     /// Reason of the warning.
@@ -36,7 +36,7 @@ pub struct RunWarningRow {
     /// Number of the lease that the warning is about.
     pub lease: Option<i64>,
     /// Token of that lease.
-    pub token: Option<String>,
+    pub id_suffix: Option<String>,
     /// The warning in a sentence.
     pub message: String,
     /// When the warning was stored.
@@ -84,7 +84,7 @@ pub async fn newest(conn: &mut SqliteConnection, run: &str, limit: i64) -> Resul
         .await?;
     let newest = sqlx::query_as!(
         RunWarningRow,
-        r#"SELECT w.kind AS "kind: WarningKind", w.lease, l.token AS "token?", w.message, w.at
+        r#"SELECT w.kind AS "kind: WarningKind", w.lease, l.id_suffix AS "id_suffix?", w.message, w.at
            FROM run_warnings w LEFT JOIN leases l ON l.id = w.lease WHERE w.run = ? ORDER BY w.id DESC LIMIT ?"#,
         run,
         limit

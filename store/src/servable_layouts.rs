@@ -4,7 +4,7 @@ use sqlx::{SqliteConnection, query};
 
 use super::StoreError;
 use super::design_counters::LevelCount;
-use super::layouts::LayoutClaim;
+use super::layouts::LayoutKind;
 use crate::Millis;
 
 /// A layout that a lease may contain. Fields as in [`super::layouts::LayoutRow`].
@@ -17,7 +17,7 @@ pub struct ServableLayout {
     /// Level that the layout was designed for; none for strategies without levels.
     pub level: Option<i64>,
     /// Claim of the layout about its scenario.
-    pub claim: LayoutClaim,
+    pub kind: LayoutKind,
     /// Id of the scenario.
     pub scenario: Vec<u8>,
     /// Training groups that the run had leased when the layout was made.
@@ -31,7 +31,7 @@ macro_rules! query_servable {
     ($condition:literal, $($argument:expr),+ $(,)?) => {
         sqlx::query_as!(
             ServableLayout,
-            r#"SELECT id, task, level, claim AS "claim!: LayoutClaim", scenario AS "scenario!",
+            r#"SELECT id, task, level, kind AS "kind!: LayoutKind", scenario AS "scenario!",
                       training_groups_at_creation, groups
                FROM layouts WHERE "# + $condition,
             $($argument),+
@@ -45,7 +45,7 @@ macro_rules! query_servable {
 /// Returns [`StoreError::Database`] if the query fails.
 pub async fn active(conn: &mut SqliteConnection, run: &str) -> Result<Vec<ServableLayout>, StoreError> {
     Ok(query_servable!(
-        "run = ? AND state = 'active' AND scenario IS NOT NULL AND claim IS NOT NULL ORDER BY id",
+        "run = ? AND state = 'active' AND scenario IS NOT NULL AND kind IS NOT NULL ORDER BY id",
         run
     )
     .fetch_all(conn)

@@ -6,7 +6,7 @@ use super::design_requests::{DesignerKind, RequestOrigin, RequestState};
 use super::episodes::EpisodeState;
 use super::evaluations::EvaluationState;
 use super::groups::GroupState;
-use super::layouts::{LayoutClaim, LayoutState, RetirementReason};
+use super::layouts::{LayoutKind, LayoutState, RetirementReason};
 use super::leases::{LeaseForm, LeaseStatus, Purpose};
 use super::runs::RunStatus;
 use crate::role::Role;
@@ -25,7 +25,7 @@ const CHECKED: [(&str, &str, &[&str]); 15] = [
     ("design_requests", "state", RequestState::WORDS),
     ("layouts", "state", LayoutState::WORDS),
     ("layouts", "retirement_reason", RetirementReason::WORDS),
-    ("layouts", "claim", LayoutClaim::WORDS),
+    ("layouts", "claim", LayoutKind::WORDS),
     ("evaluations", "state", EvaluationState::WORDS),
     ("tokens", "role", Role::WORDS),
 ];

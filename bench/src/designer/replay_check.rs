@@ -102,7 +102,7 @@ fn layout_to_json(layout: &AdmittedLayout) -> Value {
     let bracket = layout.bracket();
     json!({
         "scenario": layout.scenario().to_json(),
-        "claim": layout.kind().as_str(),
+        "kind": layout.kind().as_str(),
         "floor": bracket.floor,
         "reference": bracket.reference.score,
         "reference_plan": bracket.reference_plan.encode(),
@@ -143,7 +143,7 @@ fn check_layout(line: &str) -> anyhow::Result<()> {
     let mut hold_log = ActionLog::new(scenario.task().action_space().columns.len(), Precision::F64);
     hold_log.stopped = Some(StopReason::TooLate); // the remaining steps hold
     let held = replay(&scenario, &hold_log)?;
-    match layout["claim"].as_str() {
+    match layout["kind"].as_str() {
         Some("threat") => ensure!(held.lost > 0, "holding loses no satellite"),
         _ => ensure!(held.lost == 0, "holding loses {} satellites", held.lost),
     }

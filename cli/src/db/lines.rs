@@ -3,7 +3,7 @@
 use env_core::{ActionLog, Scenario};
 use serde::Serialize;
 use serde_json::{Value, json};
-use store::layouts::{LayoutClaim, LayoutState, RetirementReason};
+use store::layouts::{LayoutKind, LayoutState, RetirementReason};
 
 use orchestrator::clock::rfc3339;
 use orchestrator::frames::wire_step;
@@ -56,7 +56,7 @@ pub(super) enum ExportLine<'a> {
         retirement_reason: Option<RetirementReason>,
         gate_check: Option<String>,
         refusal_reason: Option<String>,
-        claim: Option<LayoutClaim>,
+        layout_kind: Option<LayoutKind>,
         aim: Option<String>,
         design: Option<Value>,
         groups: i64,
@@ -145,7 +145,7 @@ impl<'a> ExportLine<'a> {
             retirement_reason: row.retirement_reason,
             gate_check: row.gate_check,
             refusal_reason: row.refusal_reason,
-            claim: row.claim,
+            layout_kind: row.kind,
             aim: row.mode,
             design: row.design.map(|text| from_json("a design", &text)).transpose()?,
             groups: row.groups,

@@ -147,7 +147,7 @@ mod tests {
         });
         serde_json::from_value(serde_json::json!({
             "id": id, "run": "r", "task": "kessler/survival", "level": 1, "name": "n", "request": "request-1",
-            "designer": "procedural", "round": 1, "aim": aim, "claim": "threat", "state": state, "state_reason": reason,
+            "designer": "procedural", "round": 1, "aim": aim, "kind": "threat", "state": state, "state_reason": reason,
             "explanation": null, "novelty": null, "results": results, "created_at": "2026-01-01T00:00:00Z",
             "served_at": null, "retired_at": null,
         }))

@@ -30,7 +30,7 @@ pub(super) trait Feed {
     async fn designs(&self) -> anyhow::Result<Designs>;
 }
 
-/// FinishedEpisode episode with its action log.
+/// A finished episode with its action log.
 #[derive(Debug, Clone)]
 pub(super) struct FinishedEpisode {
     pub(super) id: String,

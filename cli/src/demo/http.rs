@@ -86,7 +86,7 @@ impl Feed for HttpFeed {
     }
 
     async fn designs(&self) -> anyhow::Result<Designs> {
-        let DesignStatistics { share, .. } = self.get("designs/summary").await?;
+        let DesignStatistics { share, .. } = self.get("designs/statistics").await?;
         let mut designs = Designs { share, all: Vec::new() };
         let mut page: DesignPage = self.get("designs?limit=500").await?;
         loop {

@@ -1,4 +1,4 @@
-//! DemoSummary of a finished demo run: text for people and one JSON object for programs.
+//! Summary of a finished demo run: text for people and one JSON object for programs.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
@@ -22,7 +22,7 @@ const CHART_WIDTH: usize = 48;
 const TEXT_WIDTH: usize = 100;
 const BLOCKS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 
-/// DemoSummary of a run, printed as one JSON object.
+/// Summary of a run, printed as one JSON object.
 #[derive(Debug, Serialize)]
 pub(super) struct DemoSummary<'a> {
     learner: LearnerMode,

@@ -38,14 +38,14 @@ pub(super) struct LayoutResult {
 #[derive(Debug)]
 pub(super) struct GateReport {
     pub(super) bracket: Bracket,
-    pub(super) claim: LayoutKind,
+    pub(super) kind: LayoutKind,
     pub(super) novelty: Option<f64>,
 }
 
 impl GateReport {
     /// Creates the report of a threat without a design.
     pub(super) const fn threat(bracket: Bracket) -> Self {
-        Self { bracket, claim: LayoutKind::Threat, novelty: None }
+        Self { bracket, kind: LayoutKind::Threat, novelty: None }
     }
 }
 
@@ -105,7 +105,7 @@ impl LayoutResult {
         let scenario = verdict.as_ref().ok().map(|admitted| admitted.scenario().clone());
         let verdict = verdict.map(|admitted| GateReport {
             bracket: admitted.bracket().clone(),
-            claim: admitted.kind(),
+            kind: admitted.kind(),
             novelty: admitted.novelty(),
         });
         Self { name, designer, task, round, design, scenario, verdict }
@@ -134,7 +134,7 @@ impl LayoutResult {
             "round": self.round,
             "task": self.task,
             "design": self.design,
-            "claim": passed.map(|passed| passed.claim.as_str()),
+            "kind": passed.map(|passed| passed.kind.as_str()),
             "admitted": passed.is_some(),
             "check": refusal.map(|refusal| refusal.check().as_str()),
             "refusal": refusal.map(ToString::to_string),

@@ -36,7 +36,7 @@ fn json(brief: &DesignBrief, language: &dyn DesignLanguage) -> Value {
         "level": brief.level,
         "recipe": recipe.to_json(),
         "limits": limits,
-        "standing": brief.mastery.map(|s| json!({"n": s.n, "mean": s.mean, "q10": s.q10, "q90": s.q90})),
+        "mastery": brief.mastery.map(|s| json!({"n": s.n, "mean": s.mean, "q10": s.q10, "q90": s.q90})),
         "profile": brief.profile,
         "ideas": ProceduralDesigner::preview(brief, language, brief.count),
     })

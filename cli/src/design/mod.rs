@@ -115,7 +115,7 @@ A file of layouts is JSON: {\"layouts\": [{\"name\": \"from below\", \"scenario\
 4.4]]}}}}]}. A body is x, y, vx, vy. A layout whose provenance is a design must equal the result of that design.
 
 JSON (--format json): one object {designer, layouts, summary, warnings}. Each layout: {name, designer, round, task, design, \
-claim, admitted, check, refusal, scenario, scenario_id, hold, floor, reference, panel_successes, novelty}; values that the gate \
+kind, admitted, check, refusal, scenario, scenario_id, hold, floor, reference, panel_successes, novelty}; values that the gate \
 did not compute are null. summary is {admitted, refused: {check: count}, rounds, tokens_in, tokens_out, cost, model, prompt_version, seconds}.";
 
 const EXAMPLES: &str = "\

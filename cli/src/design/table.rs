@@ -35,7 +35,7 @@ fn admitted(row: &LayoutResult, passed: &GateReport) -> String {
         listing.as_ref().map_or_else(|| "without a design".to_owned(), |l| format!("aimed at {}", l.aim));
     let name = one_line(&row.name);
     let mut text =
-        textwrap::fill(&format!("{name} ({}): {}, {aim}", row.task, passed.claim.as_str()), TEXT_WIDTH);
+        textwrap::fill(&format!("{name} ({}): {}, {aim}", row.task, passed.kind.as_str()), TEXT_WIDTH);
     let bracket = &passed.bracket;
     let novelty = passed.novelty.map_or_else(String::new, |novelty| format!(", novelty {novelty:.3}"));
     let _ = write!(

@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde_json::{Value, json};
 use tokio::sync::watch;
 
-use super::episode_policy::{EpisodePolicy, PolicyFault, StepDecision};
+use super::episode_policy::{DecisionError, EpisodePolicy, StepDecision};
 use super::openenv_task::{OpenEnvTask, first_word};
 use super::session::{ServerAddress, Session, SessionError};
 use super::transcript::{TranscriptRecord, TranscriptWriter};
@@ -36,11 +36,11 @@ pub(super) struct EpisodeJob<'a> {
 
 /// Reason why an episode did not reach its end.
 #[derive(Debug, thiserror::Error)]
-pub(super) enum EpisodeFault {
+pub(super) enum PlayError {
     #[error(transparent)]
     Session(#[from] SessionError),
     #[error(transparent)]
-    Policy(#[from] PolicyFault),
+    Policy(#[from] DecisionError),
     #[error("the environment does not offer {wanted}: in {MAX_RESETS} resets its goals were {goals}")]
     OtherTask { wanted: String, goals: String },
     #[error("the episode has not ended after {steps} steps")]
@@ -56,7 +56,7 @@ pub(super) enum EpisodeFault {
 pub(super) struct EpisodeResult {
     pub(super) rewards: Vec<f64>,
     pub(super) score: f64,
-    pub(super) fault: Option<EpisodeFault>,
+    pub(super) fault: Option<PlayError>,
     /// Number of model responses that were no valid action.
     pub(super) invalid: u64,
     /// Number of steps that were replaced by holding.
@@ -77,13 +77,13 @@ pub(super) async fn run_episode(
     let mut result = EpisodeResult::default();
     let begun = tokio::select! {
         begun = begin(job) => begun,
-        () = stopped(stop) => Err(EpisodeFault::Stopped),
+        () = stopped(stop) => Err(PlayError::Stopped),
     };
     let ended = match begun {
         Ok((mut session, seen)) => {
             let ended = tokio::select! {
                 ended = roll_out_steps(job, &mut session, seen, &mut policy, writer, &mut result) => ended,
-                () = stopped(stop) => Err(EpisodeFault::Stopped),
+                () = stopped(stop) => Err(PlayError::Stopped),
             };
             session.close().await;
             ended
@@ -106,7 +106,7 @@ pub(super) async fn run_episode(
         fault: words.as_deref(),
     });
     if let Err(error) = written.and_then(|()| writer.flush()) {
-        result.fault.get_or_insert(EpisodeFault::Transcript(error));
+        result.fault.get_or_insert(PlayError::Transcript(error));
     }
     result
 }
@@ -119,7 +119,7 @@ async fn stopped(stop: &mut watch::Receiver<bool>) {
 }
 
 /// Opens a session and resets it until the requested task begins.
-async fn begin(job: &EpisodeJob<'_>) -> Result<(Session, TimeStep), EpisodeFault> {
+async fn begin(job: &EpisodeJob<'_>) -> Result<(Session, TimeStep), PlayError> {
     let mut data = json!({"task": job.task.spec.id()});
     if let Some(seed) = job.seed {
         data["seed"] = seed.into();
@@ -140,7 +140,7 @@ async fn begin(job: &EpisodeJob<'_>) -> Result<(Session, TimeStep), EpisodeFault
     }
     goals.push(goal);
     session.close().await;
-    Err(EpisodeFault::OtherTask { wanted: job.task.spec.id().to_owned(), goals: goals.join(", ") })
+    Err(PlayError::OtherTask { wanted: job.task.spec.id().to_owned(), goals: goals.join(", ") })
 }
 
 fn goal(seen: &TimeStep) -> String {
@@ -155,7 +155,7 @@ async fn roll_out_steps(
     policy: &mut EpisodePolicy,
     writer: &mut TranscriptWriter<'_>,
     result: &mut EpisodeResult,
-) -> Result<(), EpisodeFault> {
+) -> Result<(), PlayError> {
     writer.push(&TranscriptRecord::Start {
         episode: job.number,
         task: &job.task.name,
@@ -172,7 +172,7 @@ async fn roll_out_steps(
             break;
         }
         if step > most {
-            return Err(EpisodeFault::Endless { steps: most });
+            return Err(PlayError::Endless { steps: most });
         }
         let decision = policy.decide(&seen).await?;
         add_usage(&decision, result);

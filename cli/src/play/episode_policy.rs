@@ -50,7 +50,7 @@ pub(super) struct StepDecision {
 
 /// Reason why a policy cannot choose an action.
 #[derive(Debug, thiserror::Error)]
-pub(super) enum PolicyFault {
+pub(super) enum DecisionError {
     /// The request to the model's endpoint failed.
     #[error(transparent)]
     Model(#[from] LlmError),
@@ -145,8 +145,8 @@ impl EpisodePolicy {
     /// Chooses the next action.
     ///
     /// # Errors
-    /// Returns [`PolicyFault::Model`] if the model cannot be reached and [`PolicyFault::World`] if the observation is invalid.
-    pub(super) async fn decide(&mut self, seen: &TimeStep) -> Result<StepDecision, PolicyFault> {
+    /// Returns [`DecisionError::Model`] if the model cannot be reached and [`DecisionError::World`] if the observation is invalid.
+    pub(super) async fn decide(&mut self, seen: &TimeStep) -> Result<StepDecision, DecisionError> {
         match self {
             Self::Model { policy, answered } => {
                 let turn = act_with_patience(policy, seen, answered).await?;
@@ -155,7 +155,7 @@ impl EpisodePolicy {
             }
             Self::BuiltIn { policy, task, actions } => {
                 let observed = task.spec.read_observation(&seen.with_reward_and_done()).map_err(|error| {
-                    PolicyFault::World(format!("the observation is not one of {}: {error}", task.spec.id()))
+                    DecisionError::World(format!("the observation is not one of {}: {error}", task.spec.id()))
                 })?;
                 let dim = task.spec.action_space().columns.len();
                 let mut log = ActionLog::new(dim, Precision::F64);

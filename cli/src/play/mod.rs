@@ -149,8 +149,8 @@ limits their rate, the episode is aborted: [END] then has the rewards so far and
 Transcript (--format jsonl, --out FILE): objects with type start {episode, task, env, model, prompt, seed, observation}, \
 step {episode, step, action, reward, done, error, observation, model} and end {episode, success, steps, score, rewards, \
 fault}. model is {step, action, error, invalid, completions}, null for a built-in policy; each of completions is {messages, text, \
-cut, error, tokens_in, tokens_out, latency_ms}, with the exact text of the prompt and the response. prompt is the version of \
-the prompt.
+truncated, error, tokens_in, tokens_out, latency_ms, tokens}, with the exact text of the prompt and the response; tokens is there \
+only if the API returns token ids or log-probabilities. prompt is the version of the prompt.
 
 Ctrl-C (or SIGTERM) aborts the running episodes; [END] and the summary are still printed. If stdout is closed, no further \
 episode starts, unless --out is given. On a server with a judge, rewards and score are the judge's.

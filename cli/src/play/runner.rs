@@ -7,8 +7,8 @@ use futures_util::StreamExt;
 use llm::LlmError;
 use tokio::sync::watch;
 
-use super::episode::{self, EpisodeFault, EpisodeJob, EpisodeResult};
-use super::episode_policy::{PolicyFault, PolicySource};
+use super::episode::{self, EpisodeJob, EpisodeResult, PlayError};
+use super::episode_policy::{DecisionError, PolicySource};
 use super::transcript::Transcript;
 use orchestrator::policy::ActionCodec;
 
@@ -84,9 +84,9 @@ impl FailureMonitor {
         let before = self.steps.fetch_add(steps, Ordering::Relaxed);
         let closed = matches!(
             &result.fault,
-            Some(EpisodeFault::Policy(PolicyFault::Model(LlmError::CircuitOpen { .. })))
+            Some(PlayError::Policy(DecisionError::Model(LlmError::CircuitOpen { .. })))
         );
-        let output = matches!(&result.fault, Some(EpisodeFault::Transcript(_)));
+        let output = matches!(&result.fault, Some(PlayError::Transcript(_)));
         let failed_starts = if steps == 0 && result.fault.is_some() {
             self.failed_starts.fetch_add(1, Ordering::Relaxed) + 1
         } else {

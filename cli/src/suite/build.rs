@@ -127,11 +127,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 impl Args {
     fn plan(&self) -> anyhow::Result<SuitePlan> {
         let taken = file::built_in(&self.name).is_some();
-        ensure!(
-            !taken,
-            "{} comes with the program: two suites of one name would be taken for the same",
-            self.name
-        );
+        ensure!(!taken, "{} is a built-in suite; choose another name", self.name);
         let tasks =
             if self.tasks.is_empty() { env_core::default_tasks() } else { tasks_by_name(&self.tasks)? };
         let levels = if self.levels.is_empty() {

@@ -7,7 +7,7 @@ use super::proposal::{ProposalRole, ScenarioSource};
 /// Result of the episodes of one scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GroupOutcome {
-    /// Seq of the proposal.
+    /// Seq of the proposal; for a designed group, of the outcome itself.
     pub proposal: u64,
     /// Task of the proposal.
     pub task: String,
@@ -25,11 +25,12 @@ pub struct GroupOutcome {
     pub successes: u32,
     /// Number of episodes lost to infrastructure; they never count as a low score.
     pub failed: u32,
-    /// Number of episodes whose lease expired; they never count as a low score.
+    /// Number of episodes without a result when the lease ended; they never count as a low score.
     pub expired: u32,
-    /// True if the outcome may move a level. False for an old policy version, a late result, an evaluation or an
-    /// unaudited report. Lost episodes do not make it false: a group that failed as a whole is still evidence that
-    /// episodes are being lost.
+    /// True if the outcome may move a level. False for an old policy version, for a training lease while evidence
+    /// comes from probes, and for columns of which too many episodes failed. Late results, evaluations and unaudited
+    /// claims never become outcomes. Lost episodes do not make it false: a group that failed as a whole is still
+    /// evidence that episodes are being lost.
     pub evidence: bool,
     /// Mean score of the finished episodes.
     pub mean_score: f64,

@@ -36,7 +36,6 @@ pub enum ScenarioSource {
     #[default]
     Fresh,
     /// The scenario of an earlier proposal is repeated.
-    #[serde(rename = "again")]
     Replay {
         /// Seq of the earlier proposal.
         of: u64,

@@ -31,7 +31,6 @@ pub(super) struct Adr {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 struct ParamBound {
     /// Position of the bound on the level scale.
-    #[serde(rename = "place")]
     position: f64,
     /// Number of moves of the bound so far.
     moves: u32,

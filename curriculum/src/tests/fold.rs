@@ -38,17 +38,19 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
     prop::collection::vec(one, 0..1200)
 }
 
-/// Number of settings that [`settings`] knows.
-const VARIANTS: usize = 13;
+/// Number of settings that [`settings`] knows: four special ones, and one for each strategy.
+const VARIANTS: usize = 4 + StrategyKind::ALL.len();
 
 /// One of several settings.
 fn settings(which: usize) -> Settings {
     let mut changed = with_placement(&[SURVIVAL, RENDEZVOUS]);
+    if let Some(strategy) = which.checked_sub(4) {
+        return changed.with_strategy(StrategyKind::ALL[strategy]);
+    }
     match which {
         0 => {}
         1 => changed.tasks.truncate(1),
-        2..11 => return changed.with_strategy(StrategyKind::ALL[which - 2]),
-        11 => {
+        2 => {
             let given = serde_json::from_str(r#"{"filled": 2, "replay": 1.0, "capacity": 6}"#).unwrap();
             let tuning = Hyperparameters::parse(StrategyKind::Accel, &given).unwrap();
             return Settings { hyperparameters: tuning, ..changed.with_strategy(StrategyKind::Accel) };

@@ -1,10 +1,4 @@
-/** Speed band by which failures are counted. */
-export interface SpeedBand {
-  band: number;
-  from: number;
-  to?: number | null;
-  unit: string;
-}
+import type { SpeedBand } from "../lib/api-types";
 
 /** Formats a band: "0.5 to 1 LU/TU", or "2 LU/TU and more". */
 export function formatSpeedBand({ from, to, unit }: SpeedBand): string {

@@ -41,14 +41,14 @@ export async function unwrap<T>(request: Promise<ApiResult<T>>): Promise<T> {
   try {
     result = await request;
   } catch {
-    throw new ApiError(0, "The service does not answer.");
+    throw new ApiError(0, "The service does not respond.");
   }
   if (result.response.ok && result.data !== undefined) return escapeControlCharacters(result.data);
   const problem = escapeControlCharacters(result.error ?? {}) as { detail?: string; field?: string };
   if (result.response.status === 403) session.readRole(problem.detail ?? "");
   throw new ApiError(
     result.response.status,
-    problem.detail ?? `The service answers ${String(result.response.status)}.`,
+    problem.detail ?? `The service responded with status ${String(result.response.status)}.`,
     problem.field,
   );
 }

@@ -1,31 +1,15 @@
-/** Estimate of an evaluation with its interval. */
-export interface Estimate {
-  mean: number;
-  low: number;
-  high: number;
-  scenarios: number;
-}
+/** Labels and number formats of the estimates of evaluations. */
+import type { Estimate, EvaluationEstimates, SuiteSection } from "./api-types";
 
-export const MEASURES = ["success", "score", "skill", "lost", "fuel_used", "cvar10"] as const;
+export const MEASURES = [
+  "success",
+  "score",
+  "skill",
+  "lost",
+  "fuel_used",
+  "cvar10",
+] as const satisfies readonly (keyof EvaluationEstimates)[];
 export type Measure = (typeof MEASURES)[number];
-
-export interface ReportRow extends Record<Measure, Estimate | null> {
-  task: string;
-  part: "contested" | "as_they_come" | "all";
-  policy: string;
-  scenarios: number;
-}
-
-export interface ComparisonRow {
-  task: string;
-  part: ReportRow["part"];
-  policy: string;
-  scenarios: number;
-  score: Estimate | null;
-  success: Estimate | null;
-  skill: Estimate | null;
-  improvement: Estimate | null;
-}
 
 export const MEASURE_LABELS: Record<Measure, string> = {
   success: "Success",
@@ -33,12 +17,12 @@ export const MEASURE_LABELS: Record<Measure, string> = {
   skill: "Skill",
   lost: "Agents lost",
   fuel_used: "Fuel used",
-  cvar10: "Worst tenth",
+  cvar10: "CVaR (worst 10 %)",
 };
 
-export const PART_LABELS: Record<ReportRow["part"], string> = {
+export const PART_LABELS: Record<SuiteSection, string> = {
   contested: "contested",
-  as_they_come: "as they come",
+  as_they_come: "unfiltered",
   all: "all",
 };
 

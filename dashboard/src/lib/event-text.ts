@@ -13,10 +13,10 @@ function text(value: unknown): string {
 /** Texts for kinds of events without data. */
 const KINDS: Record<string, string> = {
   run: "the run was changed",
-  lease: "a lease began or ended",
+  lease: "a lease changed",
   group: "a group finished",
   move: "a level moved",
-  claim: "episodes were claimed in columns",
+  claim: "columns were reported",
   failures: "episodes were criticised",
   design: "layouts were designed",
   warning: "a warning was raised",
@@ -35,7 +35,7 @@ export function eventText({ kind, data }: RunEvent): string {
     case "run":
       return `run ${text(data["state"])}`;
     case "lease":
-      return `lease ${text(data["lease"])} ${text(data["state"])}: ${text(data["groups"])} groups of ${text(data["group_size"])}, to ${text(data["purpose"])}`;
+      return `lease ${text(data["lease"])} ${text(data["state"])}: ${text(data["groups"])} groups of ${text(data["group_size"])}, purpose ${text(data["purpose"])}`;
     case "group": {
       const level =
         data["level"] === null || data["level"] === undefined ? "" : ` at level ${text(data["level"])}`;

@@ -38,7 +38,7 @@ class Session {
   /** Returns the reason why an action that needs `role` is unavailable; undefined if it is available or the role is unknown. */
   missingRole(role: Role): string | undefined {
     if (this.role === null || ROLES.indexOf(this.role) >= ROLES.indexOf(role)) return undefined;
-    return `This needs a token of the role ${role}; yours is ${this.role}.`;
+    return `Requires a token of the role ${role}; yours is ${this.role}.`;
   }
 }
 

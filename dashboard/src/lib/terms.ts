@@ -3,25 +3,24 @@ export const TERMS = {
   mastery:
     "Probability that the agent succeeds on contested scenarios of its current level: mean of the posterior, with an 80 % credible interval.",
   contested:
-    "A scenario in which acting well matters: the reference succeeds; in survival and eco_station its score is also at least 0.05 above the floor, and at most half of the blind plans succeed. Success on other scenarios says little about the agent.",
+    "A scenario in which actions matter: the reference succeeds; in survival and eco_station its score is also at least 0.05 above the floor, and at most half of the blind plans succeed. Success on other scenarios says little about the agent.",
   "blind panel":
-    "16 plans that use no observations: their burns are drawn beforehand. Their success is what chance reaches on the same scenarios.",
+    "Plans that use no observations: 16 plans of random burns in survival and eco_station, only holding in other tasks. Their success rate is the chance level on the same scenarios.",
   skill:
     "Position of a score between floor and reference: 0 is the floor, 1 the reference or better, −1 as far below the floor. Undefined if the two differ by less than 0.05.",
   floor:
     "Score without acting on observations: the mean score of the blind plans in survival and eco_station; in other tasks, the score of holding.",
   reference:
-    "Score of a planner with hindsight: it knows debris beyond the radar and rogues that appear later. It is no upper bound: agents can exceed it.",
+    "Score of a planner with hindsight: it knows debris beyond the radar and rogues that appear later. Agents can exceed it.",
   regret:
     "Mean shortfall of agents on a layout: 1 − skill; on a decoy, the missing share of the reference's score.",
   "as aimed":
     "Share of the failed, criticised episodes on the layout that have the failure it was designed for.",
   decoy: "A layout that looks dangerous although holding is right: it tests whether the agent wastes fuel.",
-  avoidable: "When the danger first became visible, a burn could still have averted it.",
+  avoidable: "Failure that a burn could still have averted when the danger first became visible.",
   "zero variance":
     "A group whose episodes all have the same score: group-relative algorithms (GRPO) learn nothing from it.",
-  origin:
-    "Why the scenario was chosen: current level (frontier), search for the initial level (placement), earlier levels (rehearsal), a designed layout, or the suite of an evaluation; other strategies have more.",
+  role: "Purpose of the scenario: current level (frontier), search for the initial level (placement), earlier levels (rehearsal), a designed layout, or the suite of an evaluation; other strategies have more.",
 } as const;
 
 export type TermName = keyof typeof TERMS;

@@ -1,13 +1,7 @@
 /** Episode that the user runs by hand: past steps and frames, the draft of the next action, and the results. */
 import { ApiError, client, unwrap } from "../lib/api";
-import type { ScenarioCheck, ScenarioRequest } from "../lib/api-types";
+import type { ScenarioCheck, ScenarioRequest, TaskActionSpace } from "../lib/api-types";
 import type { AnyFrame, DockingState, KesslerState } from "../replay/frames";
-
-export interface Recipe {
-  task: string;
-  seed: number;
-  params?: Record<string, number>;
-}
 
 /** Frame of the service with the observation of the agents. The player sees the observation instead of the full state. */
 type ObservedFrame = AnyFrame & { observation: KesslerState | DockingState };
@@ -15,15 +9,7 @@ type ObservedFrame = AnyFrame & { observation: KesslerState | DockingState };
 /** Fuel that a burn of 1 LU/TU costs in kessler. */
 export const FUEL_PER_SPEED = 5;
 
-/** Action space of a task. */
-export interface ActionSpace {
-  columns: string[];
-  low: number;
-  high: number;
-  unit: string;
-}
-
-export function isOutOfRange(value: number | undefined, { low, high }: ActionSpace): boolean {
+export function isOutOfRange(value: number | undefined, { low, high }: TaskActionSpace): boolean {
   return value !== undefined && (value < low || value > high);
 }
 
@@ -134,7 +120,7 @@ export class ManualFlight {
       } catch (error) {
         const status = error instanceof ApiError ? error.status : 0;
         if (status === 403) {
-          this.unavailable = "needs a token of the role trainer";
+          this.unavailable = "requires a token of the role trainer";
           return null;
         }
         if (status !== 503 && status !== 429) {

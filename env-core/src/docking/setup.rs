@@ -8,6 +8,7 @@ use super::relative_motion::{RelativeState, distance, separation, speed_limit};
 use crate::episode_rng::{EpisodeRng, RngStream};
 use crate::error::ScenarioError;
 use crate::task::{Layout, LayoutMode, Recipe};
+use crate::text::{MAX_QUOTED_CHARS, shorten};
 
 /// Largest speed per axis in a layout, m/s.
 pub const MAX_LAYOUT_SPEED_M_S: f64 = 10.0;
@@ -62,19 +63,19 @@ impl DockingSetup {
     fn read_layout(&self, layout: &Layout) -> Result<Option<DeputyStarts>, ScenarioError> {
         if let Some(table) = layout.bodies.keys().find(|table| *table != "deputies") {
             return Err(ScenarioError::UnknownField {
-                field: format!("layout.bodies.{}", table.chars().take(60).collect::<String>()),
+                field: format!("layout.bodies.{}", shorten(table, MAX_QUOTED_CHARS)),
                 known: "deputies".to_owned(),
             });
         }
         let Some(rows) = layout.bodies.get("deputies") else { return Ok(None) };
         if layout.mode != LayoutMode::Replace {
-            return Err(layout_error(
+            return Err(ScenarioError::layout(
                 "layout.mode",
-                "it is extend, but the deputies are as many as the task says; use replace".to_owned(),
+                "it is extend, but the deputies are as many as the task says; use replace",
             ));
         }
         if rows.len() != self.deputies {
-            return Err(layout_error(
+            return Err(ScenarioError::layout(
                 "layout.bodies.deputies",
                 format!("{} rows, but there are {} deputies; give all of them", rows.len(), self.deputies),
             ));
@@ -84,8 +85,8 @@ impl DockingSetup {
             let field = format!("layout.bodies.deputies.{i}");
             start.states[i] = read_deputy(&field, row)?;
             if let Some((other, apart)) = find_too_close(&start.states[..i], &start.states[i]) {
-                return Err(layout_error(
-                    &field,
+                return Err(ScenarioError::layout(
+                    field,
                     format!("it starts {apart:.2} m from deputy {other}, closer than {START_SEPARATION_M} m"),
                 ));
             }
@@ -151,22 +152,18 @@ fn find_too_close(others: &[RelativeState], state: &RelativeState) -> Option<(us
 
 fn read_deputy(field: &str, row: &[f64]) -> Result<RelativeState, ScenarioError> {
     let Ok(state) = RelativeState::try_from(row) else {
-        return Err(layout_error(field, format!("{} numbers; a deputy is x, y, z, vx, vy, vz", row.len())));
+        return Err(ScenarioError::layout(
+            field,
+            format!("{} numbers; a deputy is x, y, z, vx, vy, vz", row.len()),
+        ));
     };
     for (column, &value) in state.iter().enumerate() {
         let max = if column < 3 { MAX_DISTANCE_M } else { MAX_LAYOUT_SPEED_M_S };
-        if value.is_nan() || value.abs() > max {
-            return Err(ScenarioError::OutOfRange {
-                field: format!("{field}.{column}"),
-                value,
-                min: -max,
-                max,
-            });
-        }
+        ScenarioError::check_range(format_args!("{field}.{column}"), value, -max, max)?;
     }
     let away = distance(&state);
     if away <= DOCKING_RADIUS_M {
-        return Err(layout_error(
+        return Err(ScenarioError::layout(
             field,
             format!(
                 "it starts inside the docking radius, {away:.2} m from the chief; the radius is {DOCKING_RADIUS_M} m"
@@ -174,11 +171,10 @@ fn read_deputy(field: &str, row: &[f64]) -> Result<RelativeState, ScenarioError>
         ));
     }
     if away > MAX_DISTANCE_M {
-        return Err(layout_error(field, format!("it starts out of bounds, {away:.0} m from the chief")));
+        return Err(ScenarioError::layout(
+            field,
+            format!("it starts out of bounds, {away:.0} m from the chief"),
+        ));
     }
     Ok(state)
-}
-
-fn layout_error(field: &str, reason: String) -> ScenarioError {
-    ScenarioError::Layout { field: field.to_owned(), reason }
 }

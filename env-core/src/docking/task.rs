@@ -117,7 +117,7 @@ impl TaskSpec for DockingTask {
     }
 
     fn read_step(&self, step: &Value, log: &mut ActionLog) -> Result<(), LogError> {
-        codec::read_step(step, log)
+        codec::THRUST_FORMAT.read_entries(step, log)
     }
 
     fn read_observation(&self, value: &Value) -> serde_json::Result<Box<dyn Any + Send>> {

@@ -4,22 +4,28 @@
 //! An episode of the format holds the task, the radar range and the initial bodies; a step holds the burns,
 //! the draws and the state after it.
 
+use std::fmt::Arguments;
+
 use serde::Deserialize;
 use serde_json::Value;
 
 use super::KESSLER_TASKS;
+use super::codec::BURN_FORMAT;
 use super::constants::{RADAR_NONE, ROGUE_RADIUS, SATELLITES};
 use super::event::KesslerEvent;
 use super::kernel::Body;
 use super::setup::{InitialState, KesslerSetup, RogueArrival};
 use super::simulation::{KesslerSim, SatelliteStatus};
+use crate::difference_tally::DifferenceTally;
 use crate::episode_rng::{RngStream, ScriptedRng};
-use crate::error::ScenarioError;
 use crate::log::{ActionLog, Precision};
 use crate::task::{Recipe, TaskSpec};
+use crate::world::{ComparisonError, RecordingComparison};
 
 /// Speed of recorded rogue debris over circular speed.
 const RECORDED_ROGUE_SPEED: f64 = 1.2;
+/// Names of the compared quantities.
+const QUANTITIES: [&str; 4] = ["satellite", "debris", "reward", "total_score"];
 
 /// File of recorded episodes.
 #[derive(Debug, Deserialize)]
@@ -124,112 +130,71 @@ pub struct RecordedRogue {
     pub y: f64,
 }
 
-/// Largest differences between a recorded episode and its replay.
-#[derive(Debug, Clone, Default)]
-pub struct EpisodeDifferences {
-    /// Number of steps compared.
-    pub steps: usize,
-    /// Largest absolute difference of a satellite's position, velocity or fuel.
-    pub satellite: f64,
-    /// Largest absolute difference of a debris position or velocity.
-    pub debris: f64,
-    /// Largest absolute difference of a reward.
-    pub reward: f64,
-    /// Largest absolute difference of the sum of rewards.
-    pub total_score: f64,
-    /// First difference of a value that is not a number.
-    pub first_mismatch: Option<StepDifference>,
-    /// First difference of a number by more than the tolerance.
-    pub first_beyond: Option<StepDifference>,
+/// True if a file looks like a recording of this world: its episodes start from satellites and debris.
+#[must_use]
+pub fn is_recording(recording: &Value) -> bool {
+    recording.pointer("/episodes/0/initial/satellites").is_some()
 }
 
-/// Difference found in one step.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct StepDifference {
-    /// Step, counted from 1.
-    pub step: usize,
-    /// Quantity that differs, with both values.
-    pub what: String,
-}
-
-impl EpisodeDifferences {
-    /// Largest difference over all quantities.
-    #[must_use]
-    pub fn worst(&self) -> f64 {
-        self.satellite.max(self.debris).max(self.reward).max(self.total_score)
-    }
-}
-
-/// Reason why a recording cannot be replayed.
-#[derive(Debug, thiserror::Error)]
-pub enum RecordingError {
-    /// The task is unknown.
-    #[error("task {0:?} is unknown; survival, eco_station and rendezvous are replayed")]
-    Task(String),
-    /// The number of satellites is not that of kessler.
-    #[error("{0} satellites at the start; kessler has {SATELLITES}")]
-    Satellites(usize),
-    /// A value is out of range.
-    #[error(transparent)]
-    Scenario(#[from] ScenarioError),
-    /// A step has no valid action, or the environment rejects it.
-    #[error("step {step}: {reason}")]
-    Step {
-        /// Step, counted from 1.
-        step: usize,
-        /// Reason why the step cannot be replayed.
-        reason: String,
-    },
-}
-
-/// Replays one episode and compares it with the recording step by step. A number differs if it is off by more
-/// than `tolerance`.
+/// Replays every episode and compares it step by step.
 ///
 /// # Errors
-/// Returns [`RecordingError`] if the recording cannot be replayed.
-pub fn compare_episode(
-    episode: &EpisodeRecording,
-    tolerance: f64,
-) -> Result<EpisodeDifferences, RecordingError> {
-    let mut sim = restore(episode)?;
-    let mut differences = EpisodeDifferences::default();
-    let mut ended = false;
-    for (index, step) in episode.steps.iter().enumerate() {
-        if ended {
+/// Returns an error if the file is not a recording or an episode cannot be replayed.
+pub fn compare_recording(recording: &Value, tolerance: f64) -> Result<RecordingComparison, ComparisonError> {
+    let recording = KesslerRecording::deserialize(recording)
+        .map_err(|error| ComparisonError::Malformed(format!("it is not a recording: {error}")))?;
+    let mut tally = DifferenceTally::new(&QUANTITIES, None, tolerance);
+    for (index, episode) in recording.episodes.iter().enumerate() {
+        tally.episode = index;
+        compare_episode(episode, &mut tally)
+            .map_err(|reason| ComparisonError::Episode { episode: index, reason })?;
+    }
+    Ok(tally.into_comparison(recording.episodes.len()))
+}
+
+/// Compares one episode; the error says why it cannot be replayed.
+fn compare_episode(episode: &EpisodeRecording, tally: &mut DifferenceTally) -> Result<(), String> {
+    if episode.steps.is_empty() {
+        return Err("it has no steps".to_owned());
+    }
+    // A missing satellite could not be compared.
+    if let Some(step) = episode.steps.iter().position(|step| step.satellites.len() != SATELLITES) {
+        return Err(format!("step {} does not have {SATELLITES} satellites", step + 1));
+    }
+    let mut sim = restore_start(episode)?;
+    for (number, step) in (1..).zip(&episode.steps) {
+        tally.step = number;
+        let mut log = ActionLog::new(2, Precision::F64);
+        let read = BURN_FORMAT.read_entries(&step.burns, &mut log);
+        read.map_err(|error| format!("step {number}: {error}"))?;
+        log.end_step();
+        let stepped = sim.step(log.step(0)).map_err(|error| format!("step {number}: {error}"))?;
+        compare_numbers(&sim, step, stepped.reward, tally);
+        compare_discrete(&sim, step, tally);
+        tally.steps += 1;
+        if stepped.done {
             break; // Steps past the end only show what the public kessler-env does after it.
         }
-        let number = index + 1;
-        let fault = |reason: String| RecordingError::Step { step: number, reason };
-        if step.satellites.len() != SATELLITES {
-            return Err(fault(format!("it has {} satellites, not {SATELLITES}", step.satellites.len())));
-        }
-        let mut log = ActionLog::new(2, Precision::F64);
-        super::codec::read_step(&step.burns, &mut log).map_err(|e| fault(e.to_string()))?;
-        log.end_step();
-        let stepped = sim.step(log.step(0)).map_err(|e| fault(e.to_string()))?;
-        compare_numbers(&sim, step, stepped.reward, number, tolerance, &mut differences);
-        compare_discrete(&sim, step, number, &mut differences);
-        differences.steps = number;
-        ended = stepped.done;
     }
-    Ok(differences)
+    Ok(())
 }
 
 /// Builds the recorded start, with every draw of the recording scripted.
-fn restore(episode: &EpisodeRecording) -> Result<KesslerSim<ScriptedRng>, RecordingError> {
+fn restore_start(episode: &EpisodeRecording) -> Result<KesslerSim<ScriptedRng>, String> {
     let id = format!("kessler/{}", episode.task);
-    let task = KESSLER_TASKS
-        .iter()
-        .find(|task| task.id() == id)
-        .ok_or_else(|| RecordingError::Task(episode.task.clone()))?;
+    let task = KESSLER_TASKS.iter().find(|task| task.id() == id).ok_or_else(|| {
+        format!("task {:?} is unknown; survival, eco_station and rendezvous are replayed", episode.task)
+    })?;
     let count = episode.initial.satellites.len();
     let first = episode.initial.satellites.first().filter(|_| count == SATELLITES);
-    let fuel = first.ok_or(RecordingError::Satellites(count))?.fuel;
+    let first = first.ok_or_else(|| format!("{count} satellites at the start; kessler has {SATELLITES}"))?;
     let radar = if episode.radar_range > 0.0 { episode.radar_range } else { RADAR_NONE };
-    let params = [("fuel", fuel), ("radar_range", radar), ("debris", 0.0), ("rogue_probability", 0.0)];
-    let recipe = Recipe::with_params(task, params.into_iter())?
-        .with_option("compat", "upstream")?
-        .with_option("start", "upstream")?;
+    let params = [("fuel", first.fuel), ("radar_range", radar), ("debris", 0.0), ("rogue_probability", 0.0)];
+    let setup = Recipe::with_params(task, params.into_iter())
+        .and_then(|recipe| recipe.with_option("compat", "upstream"))
+        .and_then(|recipe| recipe.with_option("start", "upstream"))
+        .and_then(|recipe| KesslerSetup::from_recipe(&recipe))
+        .map_err(|error| error.to_string())?;
     let mut start = InitialState {
         satellites: [Body::default(); SATELLITES],
         debris: episode.initial.debris.iter().map(|&[x, y, vx, vy]| Body { x, y, vx, vy }).collect(),
@@ -250,27 +215,17 @@ fn restore(episode: &EpisodeRecording) -> Result<KesslerSim<ScriptedRng>, Record
             script.push_draw(RngStream::Fragments, 0.5 * (kick + 1.0));
         }
     }
-    Ok(KesslerSim::new(task.objective(), KesslerSetup::from_recipe(&recipe)?, &start, script))
+    Ok(KesslerSim::new(task.objective(), setup, &start, script))
 }
 
 fn compare_numbers(
     sim: &KesslerSim<ScriptedRng>,
     recorded: &StepRecording,
     reward: f64,
-    step: usize,
-    tolerance: f64,
-    differences: &mut EpisodeDifferences,
+    tally: &mut DifferenceTally,
 ) {
-    let mut first_beyond = None;
-    let mut note = |worst: &mut f64, ours: f64, theirs: f64, what: &str| {
-        // NaN counts as an infinite difference.
-        let difference = if ours == theirs { 0.0 } else { (ours - theirs).abs() };
-        let difference = if difference.is_nan() { f64::INFINITY } else { difference };
-        if difference > tolerance && first_beyond.is_none() {
-            let what = format!("{what}: {ours} here, {theirs} recorded");
-            first_beyond = Some(StepDifference { step, what });
-        }
-        *worst = worst.max(difference);
+    let mut compare = |quantity, ours, theirs, what: Arguments<'_>| {
+        tally.compare_numbers(quantity, ours, theirs, tally.tolerance, what);
     };
     for (i, (ours, theirs)) in sim.satellites().iter().zip(&recorded.satellites).enumerate() {
         let b = ours.body;
@@ -282,48 +237,35 @@ fn compare_numbers(
             (ours.fuel, theirs.fuel),
         ];
         for (ours, theirs) in pairs {
-            note(&mut differences.satellite, ours, theirs, &format!("satellite {i}"));
+            compare("satellite", ours, theirs, format_args!("satellite {i}"));
         }
     }
     for (i, theirs) in recorded.debris.iter().flatten().enumerate().take(sim.debris().len()) {
         let b = sim.debris().body(i);
         for (ours, theirs) in [b.x, b.y, b.vx, b.vy].into_iter().zip(*theirs) {
-            note(&mut differences.debris, ours, theirs, &format!("debris {i}"));
+            compare("debris", ours, theirs, format_args!("debris {i}"));
         }
     }
-    note(&mut differences.reward, reward, recorded.reward, "reward");
-    note(&mut differences.total_score, sim.total_reward(), recorded.total_score, "total_score");
-    if differences.first_beyond.is_none() {
-        differences.first_beyond = first_beyond;
-    }
+    compare("reward", reward, recorded.reward, format_args!("reward"));
+    compare("total_score", sim.total_reward(), recorded.total_score, format_args!("total_score"));
 }
 
 /// Compares statuses, counts, ids, alerts and `done`.
-fn compare_discrete(
-    sim: &KesslerSim<ScriptedRng>,
-    recorded: &StepRecording,
-    step: usize,
-    differences: &mut EpisodeDifferences,
-) {
-    let mut note = |what: String| {
-        if differences.first_mismatch.is_none() {
-            differences.first_mismatch = Some(StepDifference { step, what });
-        }
-    };
+fn compare_discrete(sim: &KesslerSim<ScriptedRng>, recorded: &StepRecording, tally: &mut DifferenceTally) {
     for (i, (ours, theirs)) in sim.satellites().iter().zip(&recorded.satellites).enumerate() {
         let status = if ours.status == SatelliteStatus::Active { "active" } else { "destroyed" };
         if status != theirs.status {
-            note(format!("satellite {i} is {status}, recorded {}", theirs.status));
+            tally.add_mismatch(format!("satellite {i} is {status}, recorded {}", theirs.status));
         }
     }
     let debris = sim.debris();
     let is_other_length = |bodies: &Vec<[f64; 4]>| bodies.len() != debris.len();
     if debris.len() != recorded.debris_count || recorded.debris.as_ref().is_some_and(is_other_length) {
-        note(format!("{} debris, recorded {}", debris.len(), recorded.debris_count));
+        tally.add_mismatch(format!("{} debris, recorded {}", debris.len(), recorded.debris_count));
     }
     let alerts: Vec<String> = sim.events().iter().filter_map(KesslerEvent::alert).collect();
     if alerts != recorded.alerts {
-        note(format!("alerts {alerts:?}, recorded {:?}", recorded.alerts));
+        tally.add_mismatch(format!("alerts {alerts:?}, recorded {:?}", recorded.alerts));
     }
     if let Some(theirs) = &recorded.visible_debris {
         let visible: Vec<u32> = (0..debris.len())
@@ -331,13 +273,13 @@ fn compare_discrete(
             .map(|i| debris.id(i))
             .collect();
         if visible != *theirs {
-            note(format!("debris {visible:?} is visible, recorded {theirs:?}"));
+            tally.add_mismatch(format!("debris {visible:?} is visible, recorded {theirs:?}"));
         }
     }
     if sim.is_done() != recorded.done {
-        note(format!("done is {}, recorded {}", sim.is_done(), recorded.done));
+        tally.add_mismatch(format!("done is {}, recorded {}", sim.is_done(), recorded.done));
     }
     if sim.rng().missing_draws() > 0 {
-        note("a draw was made that the recording does not hold".to_owned());
+        tally.add_mismatch("a draw was made that the recording does not hold".to_owned());
     }
 }

@@ -138,13 +138,16 @@ fn parse_physics(recipe: &Recipe) -> Result<Physics, ScenarioError> {
         },
     };
     let conflict = |option: &str, with: &str, why: &str| {
-        Err(invalid_layout(&format!("physics.{option}"), format!("it cannot be combined with {with}: {why}")))
+        Err(ScenarioError::layout(
+            format!("physics.{option}"),
+            format!("it cannot be combined with {with}: {why}"),
+        ))
     };
     if is("contact", "swept") && is("risk", "pc") {
         return conflict(
             "contact",
             "risk: pc",
-            "under it no contact destroys, so there is none to sweep for",
+            "pc has no destructive contacts, so contact: swept has no effect",
         );
     }
     if physics.upstream_compat {
@@ -160,8 +163,4 @@ fn parse_physics(recipe: &Recipe) -> Result<Physics, ScenarioError> {
         }
     }
     Ok(physics)
-}
-
-fn invalid_layout(field: &str, reason: String) -> ScenarioError {
-    ScenarioError::Layout { field: field.to_owned(), reason }
 }

@@ -96,7 +96,8 @@ const ROGUE_SPEED: ParamSpec = ParamSpec {
     whole: false,
     default: 1.2,
     harder: Harder::Down,
-    description: "speed of a rogue over circular speed at 95 LU; 1.2 never comes below 95, 0.7 crosses the satellites' band",
+    description: "initial speed of a rogue / circular speed at 95 LU; at 1.2 the radius stays at or above 95 LU, at 0.7 it \
+            crosses the satellites' orbits",
 };
 
 /// Range of the radar; farther debris is hidden.
@@ -156,14 +157,14 @@ pub static KESSLER_OPTIONS: [OptionSpec; 6] = [
     OptionSpec {
         name: "gravity",
         choices: &["point", "j2"],
-        description: "point: the Earth pulls as a point; j2: with its oblateness, as felt in the equatorial plane",
+        description: "point: the Earth pulls as a point; j2: with the J2 term, in the equatorial plane",
         manual_choices: &[],
     },
     OptionSpec {
         name: "risk",
         choices: &["contact", "pc"],
         description: "contact: debris destroys what it touches; pc: every closest approach costs a probability of collision, and \
-                a satellite's cumulative survival stands where active stood in the reward",
+                a satellite's cumulative survival probability replaces the active flag in the reward",
         manual_choices: &[],
     },
     OptionSpec {

@@ -159,7 +159,7 @@ impl TaskSpec for KesslerTask {
     }
 
     fn read_step(&self, step: &Value, log: &mut ActionLog) -> Result<(), LogError> {
-        codec::read_step(step, log)
+        codec::BURN_FORMAT.read_entries(step, log)
     }
 
     fn read_observation(&self, value: &Value) -> serde_json::Result<Box<dyn Any + Send>> {

@@ -35,17 +35,11 @@ pub struct Threat {
 /// Returns [`ScenarioError`] if a number of the threat is out of range, if its start would be inside the
 /// Earth or outside [`THREAT_START_RADII`], or if the start is not fair.
 pub fn place_threat(scenario: &Scenario, threat: Threat) -> Result<Scenario, ScenarioError> {
-    let bounds = |name: &str, value: f64, min: f64, max: f64| {
-        if value >= min && value <= max {
-            Ok(())
-        } else {
-            Err(ScenarioError::OutOfRange { field: format!("threat.{name}"), value, min, max })
-        }
-    };
-    bounds("satellite", f64::from(threat.satellite), 0.0, SATELLITES as f64 - 1.0)?;
-    bounds("step", f64::from(threat.step), 1.0, f64::from(HORIZON))?;
-    bounds("speed", threat.speed, 0.0, 20.0)?;
-    bounds("direction", threat.direction, -10.0, 10.0)?;
+    let last_satellite = SATELLITES as f64 - 1.0;
+    ScenarioError::check_range("threat.satellite", f64::from(threat.satellite), 0.0, last_satellite)?;
+    ScenarioError::check_range("threat.step", f64::from(threat.step), 1.0, f64::from(HORIZON))?;
+    ScenarioError::check_range("threat.speed", threat.speed, 0.0, 20.0)?;
+    ScenarioError::check_range("threat.direction", threat.direction, -10.0, 10.0)?;
     let setup = KesslerSetup::from_recipe(scenario.recipe())?;
     let start = setup.draw_initial_state(&mut SeededRng::new(scenario.seed()))?;
     let body = initial_body(start.satellites[threat.satellite as usize], threat, setup.physics.gravity)?;

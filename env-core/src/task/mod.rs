@@ -4,6 +4,7 @@
 //! implement the traits; how episodes are run is in [`crate::rollout`] and [`crate::batch`], and how scenarios are parsed
 //! in `scenario_parser`. Start reading at [`TaskSpec`].
 
+mod entry_format;
 mod episode;
 mod layout;
 mod options;
@@ -15,6 +16,7 @@ use std::sync::LazyLock;
 
 use serde_json::Value;
 
+pub(crate) use self::entry_format::EntryFormat;
 pub use self::episode::{AgentReport, Episode, StepReport};
 pub use self::layout::{Layout, LayoutMode, MAX_LAYOUT_ROWS};
 pub use self::options::PHYSICS;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::recipe::Recipe;
 use crate::error::ScenarioError;
-use crate::json_fields::shorten;
+use crate::text::{MAX_QUOTED_CHARS, shorten};
 
 /// Name of the scenario's field with the options; errors of options are located under it.
 pub const PHYSICS: &str = "physics";
@@ -70,14 +70,14 @@ impl Recipe {
         let specs = self.task.options();
         let Some(index) = specs.iter().position(|spec| spec.name == name) else {
             return Err(ScenarioError::UnknownField {
-                field: format!("{PHYSICS}.{}", shorten(name)),
+                field: format!("{PHYSICS}.{}", shorten(name, MAX_QUOTED_CHARS)),
                 known: specs.iter().map(|spec| spec.name).collect::<Vec<_>>().join(", "),
             });
         };
         let Some(chosen) = specs[index].choices.iter().position(|&word| word == choice) else {
             return Err(ScenarioError::UnknownChoice {
                 field: format!("{PHYSICS}.{name}"),
-                value: shorten(choice),
+                value: shorten(choice, MAX_QUOTED_CHARS),
                 choices: specs[index].choices.join(", "),
             });
         };

@@ -8,8 +8,8 @@ use super::TaskSpec;
 use super::layout::Layout;
 use crate::canonical::Canonical;
 use crate::error::ScenarioError;
-use crate::json_fields::shorten;
 use crate::space::param_names;
+use crate::text::{MAX_QUOTED_CHARS, shorten};
 
 /// A scenario without its seed: task, params, physics options and layout. Every instance is valid.
 #[derive(Clone)]
@@ -180,7 +180,7 @@ impl Recipe {
         let space = self.task.params();
         let Some(index) = space.iter().position(|spec| spec.name == name) else {
             return Err(ScenarioError::UnknownField {
-                field: format!("params.{}", shorten(name)),
+                field: format!("params.{}", shorten(name, MAX_QUOTED_CHARS)),
                 known: param_names(space),
             });
         };

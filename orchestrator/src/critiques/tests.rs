@@ -41,7 +41,7 @@ impl Change for EnqueueJobs {
             is_compacted: false,
             owner: None,
             id: leases::counters(&mut tx.conn, RUN).await?.next,
-            token: "aaaaaa".to_owned(),
+            id_suffix: "aaaaaa".to_owned(),
             run: RUN.to_owned(),
             purpose: Purpose::Train,
             form: LeaseForm::Groups,

@@ -32,7 +32,7 @@ pub struct LastDesignRequest {
     /// Distance between the profile of that time and the current one.
     pub distance: f64,
     /// Number of consecutive requests up to this one that brought no layout.
-    pub barren_streak: u32,
+    pub empty_streak: u32,
 }
 
 /// Inputs of the decision to design for a task.
@@ -58,12 +58,12 @@ pub struct DesignDemand {
 
 /// Returns the minimum time between two requests, in milliseconds, after a streak of requests without a layout.
 #[must_use]
-pub fn pause_ms(designer: DesignerKind, barren_streak: u32) -> Millis {
+pub fn pause_ms(designer: DesignerKind, empty_streak: u32) -> Millis {
     let base = match designer {
         DesignerKind::Llm => LLM_PAUSE_MS,
         DesignerKind::Procedural => PROCEDURAL_PAUSE_MS,
     };
-    base << barren_streak.min(MAX_DOUBLINGS)
+    base << empty_streak.min(MAX_DOUBLINGS)
 }
 
 /// Returns the number of layouts to request now; `None` if none are requested.
@@ -73,7 +73,7 @@ pub fn layouts_wanted(demand: &DesignDemand) -> Option<u32> {
         return None;
     }
     let is_too_early = |last: LastDesignRequest| {
-        demand.now < last.at.saturating_add(pause_ms(demand.designer, last.barren_streak))
+        demand.now < last.at.saturating_add(pause_ms(demand.designer, last.empty_streak))
     };
     if demand.last.is_some_and(is_too_early) {
         return None;
@@ -106,7 +106,7 @@ mod tests {
     };
 
     fn last(distance: f64, criticised: i64) -> Option<LastDesignRequest> {
-        Some(LastDesignRequest { at: 0, criticised, distance, barren_streak: 0 })
+        Some(LastDesignRequest { at: 0, criticised, distance, empty_streak: 0 })
     }
 
     #[test]
@@ -137,19 +137,19 @@ mod tests {
         fn requests_need_evidence_and_time(
             (is_placed, has_llm) in any::<(bool, bool)>(), criticised in 0i64..600, failure_weight in 0.0f64..20.0, active in 0u32..40,
             reserve in 1u32..=64, has_last in any::<bool>(),
-            (at, before, distance, barren_streak) in (0i64..2_000_000, 0i64..600, 0.0f64..1.0, 0u32..10),
+            (at, before, distance, empty_streak) in (0i64..2_000_000, 0i64..600, 0.0f64..1.0, 0u32..10),
         ) {
             let designer = if has_llm { DesignerKind::Llm } else { DesignerKind::Procedural };
-            let last = has_last.then_some(LastDesignRequest { at, criticised: before, distance, barren_streak });
+            let last = has_last.then_some(LastDesignRequest { at, criticised: before, distance, empty_streak });
             let demand = DesignDemand { designer, is_placed, criticised, failure_weight, active, reserve, last, now: 1_000_000 };
             if let Some(wanted) = layouts_wanted(&demand) {
                 prop_assert!(is_placed && criticised >= MIN_CRITICISED && failure_weight >= MIN_FAILURE_WEIGHT);
-                prop_assert!(last.is_none_or(|last| demand.now - last.at >= pause_ms(designer, barren_streak)));
+                prop_assert!(last.is_none_or(|last| demand.now - last.at >= pause_ms(designer, empty_streak)));
                 prop_assert!((1..=MAX_LAYOUTS_PER_REQUEST).contains(&wanted));
                 prop_assert!(wanted <= reserve);
                 prop_assert!(active < reserve || distance >= MIN_PROFILE_DISTANCE);
             } else if is_placed && criticised >= MIN_CRITICISED && failure_weight >= MIN_FAILURE_WEIGHT && active < reserve {
-                prop_assert!(last.is_some_and(|last| demand.now - last.at < pause_ms(designer, barren_streak)));
+                prop_assert!(last.is_some_and(|last| demand.now - last.at < pause_ms(designer, empty_streak)));
             }
         }
     }

@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use designer::{DesignUsage, JudgedLayout};
+use env_core::text::shorten;
 use serde_json::Value;
 use sqlx::SqliteConnection;
 use store::design_counters::{self, GateCount};
 use store::design_requests::{self, DesignRequestResult, RequestState};
 use store::ids::DesignRequestId;
 use store::layout_transitions::{self, LayoutTransition};
-use store::layouts::{self, LayoutClaim, LayoutState, NewLayout};
+use store::layouts::{self, LayoutKind, LayoutState, NewLayout};
 use store::{StoreError, brackets, scenarios, to_i64};
 
 use crate::clock::Millis;
@@ -138,9 +139,8 @@ impl FinishDesignRequest {
             self.warnings.iter().take(MAX_WARNINGS).map(|warning| shorten(warning, 500)).collect();
         if counts.admitted > MAX_STORED_LAYOUTS {
             let admitted = counts.admitted;
-            warnings.push(format!(
-                "{admitted} layouts were let through; the first {MAX_STORED_LAYOUTS} are kept"
-            ));
+            warnings
+                .push(format!("{admitted} layouts were admitted; the first {MAX_STORED_LAYOUTS} are stored"));
         }
         DesignRequestResult {
             admitted: counts.admitted as i64,
@@ -154,7 +154,7 @@ impl FinishDesignRequest {
             // SQLite would store a NaN as NULL.
             cost: if cost.is_finite() { cost } else { 0.0 },
             latency_ms: i64::try_from(self.elapsed.as_millis()).unwrap_or(i64::MAX),
-            errors: warnings,
+            warnings,
             error: self.error.map(|error| shorten(&error, 1000)),
         }
     }
@@ -186,7 +186,7 @@ impl FinishDesignRequest {
             state: state_of(judged),
             gate_check: refusal.map(|refusal| refusal.check().as_str().to_owned()),
             refusal_reason: refusal.map(|refusal| shorten(&refusal.to_string(), 1000)),
-            claim: admitted.map(|a| claim_of(a.kind())),
+            kind: admitted.map(|a| stored_kind(a.kind())),
             novelty: admitted
                 .and_then(designer::AdmittedLayout::novelty)
                 .filter(|novelty| novelty.is_finite()),
@@ -201,11 +201,11 @@ const fn state_of(judged: &JudgedLayout) -> LayoutState {
     if judged.verdict.is_ok() { LayoutState::Active } else { LayoutState::Refused }
 }
 
-/// Returns the claim of a layout as it is stored.
-const fn claim_of(claim: designer::LayoutKind) -> LayoutClaim {
-    match claim {
-        designer::LayoutKind::Threat => LayoutClaim::Threat,
-        designer::LayoutKind::Decoy => LayoutClaim::Decoy,
+/// Returns the kind of a layout as it is stored.
+const fn stored_kind(kind: designer::LayoutKind) -> LayoutKind {
+    match kind {
+        designer::LayoutKind::Threat => LayoutKind::Threat,
+        designer::LayoutKind::Decoy => LayoutKind::Decoy,
     }
 }
 
@@ -221,7 +221,7 @@ async fn store_layout(
         brackets::insert(conn, &[(id, admitted.bracket())]).await?;
     }
     let id = layouts::insert(conn, row, now).await?;
-    let reason = row.refusal_reason.clone().unwrap_or_else(|| "the gate let it through".to_owned());
+    let reason = row.refusal_reason.clone().unwrap_or_else(|| "the gate admitted it".to_owned());
     layout_transitions::change_state(
         conn,
         id,
@@ -229,13 +229,4 @@ async fn store_layout(
         now,
     )
     .await
-}
-
-/// Shortens a designer's text to a number of characters.
-fn shorten(text: &str, max_chars: usize) -> String {
-    if text.chars().count() <= max_chars {
-        text.to_owned()
-    } else {
-        text.chars().take(max_chars.saturating_sub(3)).chain("...".chars()).collect()
-    }
 }

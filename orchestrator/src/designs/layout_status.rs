@@ -64,14 +64,14 @@ pub struct LayoutHistory {
     /// Its last outcomes, oldest first: success rates of groups, 0 to 1.
     pub recent: Vec<f64>,
     /// Number of consecutive outcomes without success.
-    pub barren_streak: u32,
+    pub zero_success_streak: u32,
 }
 
 impl LayoutHistory {
     /// Returns the history of a new layout.
     #[must_use]
     pub const fn new() -> Self {
-        Self { status: LayoutStatus::Active, recent: Vec::new(), barren_streak: 0 }
+        Self { status: LayoutStatus::Active, recent: Vec::new(), zero_success_streak: 0 }
     }
 
     /// Adds an outcome, the success rate of a group. Returns the reason if the status changes.
@@ -79,12 +79,12 @@ impl LayoutHistory {
         let value = if value.is_finite() { value.clamp(0.0, 1.0) } else { 0.0 };
         let (status, reason) = match self.status {
             LayoutStatus::Mastered if value < FORGOTTEN_BELOW => {
-                let reason = format!("it was mastered, and {value:.2} of a group succeeded: forgotten");
+                let reason = format!("reactivated: success fell to {value:.2} after mastery");
                 *self = Self::new();
                 (LayoutStatus::Active, Some(reason))
             }
             LayoutStatus::Hopeless if value > 0.0 => {
-                let reason = format!("it was hopeless, and {value:.2} of a group succeeded: learnt");
+                let reason = format!("reactivated: success rose to {value:.2} after no success");
                 *self = Self::new();
                 (LayoutStatus::Active, Some(reason))
             }
@@ -108,7 +108,7 @@ impl LayoutHistory {
             self.recent.drain(..=self.recent.len() - OUTCOME_WINDOW);
         }
         self.recent.push(value);
-        self.barren_streak = if value > 0.0 { 0 } else { self.barren_streak.saturating_add(1) };
+        self.zero_success_streak = if value > 0.0 { 0 } else { self.zero_success_streak.saturating_add(1) };
     }
 
     /// Returns the new status of an active layout that retires, and the reason.
@@ -119,8 +119,11 @@ impl LayoutHistory {
             let reason = format!("mastered: {mean:.2} of its last {n} groups succeeded");
             return Some((LayoutStatus::Mastered, reason));
         }
-        (self.barren_streak >= HOPELESS_STREAK).then(|| {
-            (LayoutStatus::Hopeless, format!("hopeless: none of its last {} groups", self.barren_streak))
+        (self.zero_success_streak >= HOPELESS_STREAK).then(|| {
+            (
+                LayoutStatus::Hopeless,
+                format!("hopeless: none of its last {} groups", self.zero_success_streak),
+            )
         })
     }
 }
@@ -163,13 +166,13 @@ mod tests {
         let mut mastered = history_of(&[1.0; 12]);
         assert_eq!(mastered.observe(0.5), None);
         assert_eq!(mastered.status, LayoutStatus::Mastered);
-        assert!(mastered.observe(0.25).unwrap().contains("forgotten"));
+        assert!(mastered.observe(0.25).unwrap().contains("fell to"));
         assert_eq!((mastered.status, mastered.recent.as_slice()), (LayoutStatus::Active, &[0.25][..]));
 
         let mut hopeless = history_of(&[0.0; 30]);
         assert_eq!(hopeless.observe(0.0), None);
-        assert!(hopeless.observe(0.125).unwrap().contains("learnt"));
-        assert_eq!((hopeless.status, hopeless.barren_streak), (LayoutStatus::Active, 0));
+        assert!(hopeless.observe(0.125).unwrap().contains("rose to"));
+        assert_eq!((hopeless.status, hopeless.zero_success_streak), (LayoutStatus::Active, 0));
     }
 
     #[test]
@@ -212,13 +215,13 @@ mod tests {
                 let window = &values[since.max((at + 1).saturating_sub(OUTCOME_WINDOW))..=at];
                 prop_assert_eq!(history.recent.as_slice(), window);
                 let barren = values[since..=at].iter().rev().take_while(|v| **v == 0.0).count();
-                prop_assert_eq!(history.barren_streak as usize, barren);
+                prop_assert_eq!(history.zero_success_streak as usize, barren);
                 match (before, history.status) {
                     (LayoutStatus::Active, LayoutStatus::Mastered) => {
                         let mean = window.iter().sum::<f64>() / window.len() as f64;
                         prop_assert!(window.len() >= MIN_MASTERED_OUTCOMES && mean >= MASTERED_MEAN);
                     }
-                    (LayoutStatus::Active, LayoutStatus::Hopeless) => prop_assert!(history.barren_streak >= HOPELESS_STREAK),
+                    (LayoutStatus::Active, LayoutStatus::Hopeless) => prop_assert!(history.zero_success_streak >= HOPELESS_STREAK),
                     (LayoutStatus::Mastered, LayoutStatus::Active) => prop_assert!(value < FORGOTTEN_BELOW),
                     (LayoutStatus::Hopeless, LayoutStatus::Active) => prop_assert!(value > 0.0),
                     (before, after) => prop_assert_eq!(before, after),

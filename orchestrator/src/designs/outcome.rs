@@ -7,7 +7,7 @@ use store::groups::GroupRow;
 use store::keys::EpisodeSpan;
 use store::layout_outcomes::{self, LayoutOutcome};
 use store::layout_transitions;
-use store::layouts::{self, LayoutClaim, LayoutRow};
+use store::layouts::{self, LayoutKind, LayoutRow};
 use store::leases::LeaseRow;
 use store::{StoreError, from_json, to_json, to_u32};
 
@@ -121,8 +121,8 @@ async fn update_layout(
 ) -> Result<(), StoreError> {
     let Some(status) = LayoutStatus::from_stored(row.state, row.retirement_reason) else { return Ok(()) };
     let recent = from_json("a layout's outcomes", &row.recent_success_rates)?;
-    let mut history = LayoutHistory { status, recent, barren_streak: to_u32(row.barren_streak) };
-    let is_decoy = row.claim == Some(LayoutClaim::Decoy);
+    let mut history = LayoutHistory { status, recent, zero_success_streak: to_u32(row.zero_success_streak) };
+    let is_decoy = row.kind == Some(LayoutKind::Decoy);
     let successes = episodes.iter().filter(|episode| is_mastered(episode, is_decoy)).count();
     let reason = history.observe(successes as f64 / episodes.len().max(1) as f64);
     let outcome = LayoutOutcome {
@@ -131,7 +131,7 @@ async fn update_layout(
         score_sum: episodes.iter().map(|episode| episode.score).sum(),
         regret_sum: episodes.iter().map(|episode| regret(episode, is_decoy)).sum(),
         recent_success_rates: to_json(&history.recent)?,
-        barren_streak: i64::from(history.barren_streak),
+        zero_success_streak: i64::from(history.zero_success_streak),
     };
     layout_outcomes::add_outcome(conn, row.id, &outcome).await?;
     if let Some(reason) = reason {

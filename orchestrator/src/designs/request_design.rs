@@ -67,8 +67,8 @@ impl RequestDesign {
         let choice = self.designer.unwrap_or(state.settings.design.designer);
         let invalid = |reason: &str| ServiceError::invalid("designer", reason);
         let designer = designer_kind(choice, self.has_llm).ok_or_else(|| match self.designer {
-            Some(_) => invalid("nobody designs then; choose auto, llm or procedural"),
-            None => invalid("nothing is designed for this run by itself: name one, auto, llm or procedural"),
+            Some(_) => invalid("`off` is not a designer; use auto, llm or procedural"),
+            None => invalid("designs are off for this run; set `designer` to auto, llm or procedural"),
         })?;
         if self.designer == Some(DesignerChoice::Llm) && !self.has_llm {
             return Err(invalid("this server has no language model; procedural needs none"));

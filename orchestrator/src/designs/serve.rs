@@ -9,7 +9,7 @@ use env_core::keyed_rng::RngPurpose;
 use sqlx::SqliteConnection;
 use store::design_counters::{self, LevelCount};
 use store::groups::{GroupRole, GroupRow, GroupState};
-use store::layouts::LayoutClaim;
+use store::layouts::LayoutKind;
 use store::servable_layouts::{self, ServableLayout};
 use store::{StoreError, to_u64};
 
@@ -172,7 +172,7 @@ impl LayoutChooser {
 
 /// Returns the row of a group on a layout.
 pub(crate) fn designed_group(state: &RunState, number: i64, layout: ServableLayout) -> GroupRow {
-    let contested = layout.claim == LayoutClaim::Threat;
+    let contested = layout.kind == LayoutKind::Threat;
     let evidence =
         contested && is_evidence(&state.settings) && is_at_frontier(state, &layout.task, layout.level);
     GroupRow {

@@ -248,5 +248,5 @@ async fn last_request(
         }
         None => (1.0, 0),
     };
-    Ok(Some(LastDesignRequest { at: newest.at, criticised, distance, barren_streak: barren as u32 }))
+    Ok(Some(LastDesignRequest { at: newest.at, criticised, distance, empty_streak: barren as u32 }))
 }

@@ -27,7 +27,7 @@ pub trait StateQuery: Send + 'static {
     /// True if other work is served first.
     const IS_BULK: bool = false;
 
-    /// Reads the answer from the database.
+    /// Reads the answer from the runs in memory, or from the database if needed.
     fn read(self, tx: &mut ReadTx<'_>) -> impl Future<Output = Result<Self::Output, ServiceError>> + Send;
 }
 

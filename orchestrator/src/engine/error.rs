@@ -17,7 +17,7 @@ pub enum ServiceError {
     #[error("there is no episode {0} in this run")]
     UnknownEpisode(String),
     /// The run keeps only the result of the episode.
-    #[error("{0} is past what the run keeps whole: its actions and scenario are gone")]
+    #[error("{0} was compacted: its actions and scenario were deleted")]
     Expired(String),
     /// The run has no such layout.
     #[error("there is no layout {0} here")]
@@ -32,7 +32,7 @@ pub enum ServiceError {
     #[error("there is no design request {0} in this run")]
     UnknownDesignRequest(String),
     /// The gate refused the layout.
-    #[error("{0} was refused by the gate: it never serves")]
+    #[error("the gate refused {0}, so it cannot be leased or restored")]
     Refused(String),
     /// The run has as many waiting design requests as it may have.
     #[error("{0} design requests wait or run, the most that are allowed; retry when some have ended")]

@@ -61,7 +61,7 @@ pub enum RunEvent<'a> {
         successes: i64,
         /// Number of episodes reported as failed.
         failed: i64,
-        /// Number of episodes that were never reported.
+        /// Number of episodes without a result when the lease ended.
         expired: i64,
         /// True if the group counted as evidence of mastery.
         evidence: bool,
@@ -142,7 +142,7 @@ impl<'a> RunEvent<'a> {
         Self::Lease { lease: row.name(), state, purpose, form, groups, group_size }
     }
 
-    /// Builds the event of a group that closed; `expired` episodes of it were never reported.
+    /// Builds the event of a group that closed; `expired` of its episodes had no result when the lease ended.
     #[must_use]
     pub fn group(lease: &LeaseRow, group: &'a GroupRow, expired: i64) -> Self {
         Self::Group {

@@ -1,6 +1,7 @@
 //! Starts evaluations of policies on suites.
 
 use api_types::EvaluationRequest;
+use env_core::text::{MAX_QUOTED_CHARS, shorten};
 use store::evaluations::{self, EvaluationRow, EvaluationState};
 use store::ids::RunId;
 use store::{runs, to_i64, to_json};
@@ -35,7 +36,7 @@ impl BeginEvaluation {
     pub fn from_request(request: EvaluationRequest) -> Result<Self, ServiceError> {
         let name = request.suite.as_deref().unwrap_or(file::DEFAULT_SUITE);
         let LoadedSuite { suite, hash } = file::built_in(name).ok_or_else(|| {
-            let name: String = name.chars().take(60).collect();
+            let name = shorten(name, MAX_QUOTED_CHARS);
             ServiceError::invalid(
                 "suite",
                 format!("there is no suite {name:?}; there are {}", file::built_in_names()),
@@ -134,7 +135,7 @@ fn is_stochastic(suite: &Suite, policy: &str) -> Result<bool, ServiceError> {
     for task in suite.tasks() {
         let Some(spec) = task.policies().iter().find(|spec| spec.name == policy) else {
             let known: Vec<&str> = task.policies().iter().map(|spec| spec.name).collect();
-            let policy: String = policy.chars().take(60).collect();
+            let policy = shorten(policy, MAX_QUOTED_CHARS);
             let reason = format!(
                 "there is no policy {policy:?} for {}; choose one of {}, or say the run whose trainer flies it",
                 task.id(),

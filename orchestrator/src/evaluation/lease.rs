@@ -85,7 +85,7 @@ impl Change for ReserveSuiteLease {
         request.check(run.state)?;
         let waiting = evaluations::waiting(run.conn, evaluation, i64::from(request.groups)).await?;
         if waiting.is_empty() {
-            let reason = "all of its scenarios are flown, or leased to somebody";
+            let reason = "all of its scenarios are complete or leased";
             return Err(ServiceError::invalid("evaluation", reason));
         }
         request.groups = to_u32(waiting.len() as i64);
@@ -109,7 +109,7 @@ fn apply_evaluation(row: &EvaluationRow, request: &mut CreateLease) -> Result<u3
     if row.run.as_deref() != Some(request.run.as_str()) {
         let reason = match &row.run {
             Some(run) => format!("it is one of the run {run}"),
-            None => "the server flies it by itself".to_owned(),
+            None => "the server runs this evaluation; it has no leases".to_owned(),
         };
         return Err(ServiceError::invalid("evaluation", reason));
     }

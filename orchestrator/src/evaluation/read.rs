@@ -40,10 +40,10 @@ pub enum ReadError {
         scenarios: i64,
     },
     /// The evaluations are of different suites.
-    #[error("eval-{0} and eval-{1} are of different suites: nothing of them compares")]
+    #[error("eval-{0} and eval-{1} are of different suites and cannot be compared")]
     OtherSuite(i64, i64),
     /// The evaluations have no task of their suite in common.
-    #[error("eval-{0} and eval-{1} flew no task of their suite in common: nothing of them compares")]
+    #[error("eval-{0} and eval-{1} have no task in common and cannot be compared")]
     NothingInCommon(i64, i64),
     /// One evaluation is named twice.
     #[error("eval-{0} is named twice: it is one training")]
@@ -55,7 +55,7 @@ pub enum ReadError {
     SameSeed(i64, i64),
     /// A side mixes trainings of several kinds.
     #[error(
-        "eval-{0} and eval-{1} are on one side, and of several trainings: a side is one kind, told apart by training_seed"
+        "eval-{0} and eval-{1} cannot be on one side: all evaluations of a side must have the same `training` and differ in `training_seed`"
     )]
     Mixed(i64, i64),
     /// The store cannot be read.

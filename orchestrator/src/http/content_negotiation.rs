@@ -14,7 +14,7 @@ pub(super) const MESSAGE_PACK: &str = "application/msgpack";
 /// Media type of JSON Lines.
 pub(super) const LINES: &str = "application/x-ndjson";
 
-/// ResponseFormatat of a response body.
+/// Format of a response body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ResponseFormat {
     /// JSON, the default format.

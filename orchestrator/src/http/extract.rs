@@ -4,11 +4,15 @@ use axum::extract::rejection::{BytesRejection, PathRejection};
 use axum::extract::{FromRequest, FromRequestParts, Request};
 use axum::http::request::Parts;
 use axum::http::{StatusCode, header};
+use env_core::text::shorten;
 use serde::de::DeserializeOwned;
 
 use super::problem::Problem;
 use crate::input::{self, FieldError, InputError};
 use crate::limits::constants::BODY_TIMEOUT;
+
+/// Longest text of a client that an error repeats, in characters.
+const MAX_REPEATED_CHARS: usize = 300;
 
 /// Format of a request body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,7 +65,7 @@ impl<S: Send + Sync> FromRequest<S> for EncodedBody {
         let format = BodyFormat::from_request(&request)?;
         let body = tokio::time::timeout(BODY_TIMEOUT, axum::body::Bytes::from_request(request, state)).await;
         let body = body.map_err(|_| {
-            let detail = "The body did not come to its end in 20 s; send it at once, or less at a time.";
+            let detail = "The body was not received within 20 s; send it without pauses, or split it.";
             Problem::new(StatusCode::REQUEST_TIMEOUT, "body_timeout", detail)
         })?;
         Ok(Self { format, bytes: body.map_err(body_problem)? })
@@ -108,7 +112,7 @@ impl Problem {
             // Messages of rmp for truncated bytes and for types that JSON does not have.
             _ if reason.contains("failed to fill whole buffer") => "it ends too early".to_owned(),
             _ if reason.contains("newtype struct") => "it has an extension type".to_owned(),
-            _ => shorten(reason),
+            _ => shorten(reason, MAX_REPEATED_CHARS),
         };
         let detail = format!("The body is not {}: {reason}.", format.name());
         Self::new(StatusCode::BAD_REQUEST, code, detail).at(BODY)
@@ -134,15 +138,6 @@ fn body_problem(rejection: BytesRejection) -> Problem {
     }
 }
 
-/// Shortens text of a client to 300 characters.
-fn shorten(text: &str) -> String {
-    if text.chars().count() <= 300 {
-        text.to_owned()
-    } else {
-        text.chars().take(297).chain("...".chars()).collect()
-    }
-}
-
 /// Extractor of path segments.
 pub(super) struct Path<T>(pub(super) T);
 
@@ -158,7 +153,8 @@ impl<T: DeserializeOwned + Send, S: Send + Sync> FromRequestParts<S> for Path<T>
 }
 
 fn bad_path(rejection: &PathRejection) -> Problem {
-    Problem::new(StatusCode::BAD_REQUEST, "bad_path", shorten(&rejection.body_text())).at("path")
+    Problem::new(StatusCode::BAD_REQUEST, "bad_path", shorten(&rejection.body_text(), MAX_REPEATED_CHARS))
+        .at("path")
 }
 
 /// Extractor that rejects any query parameter, for routes without parameters. An ignored parameter would hide a mistake.
@@ -174,9 +170,9 @@ impl<S: Send + Sync> FromRequestParts<S> for NoQuery {
             Some(name) => Err(Problem::new(
                 StatusCode::BAD_REQUEST,
                 "bad_query",
-                "There is no such parameter: nothing is asked for in the query here.",
+                "This operation accepts no query parameters.",
             )
-            .at(shorten(name))),
+            .at(shorten(name, MAX_REPEATED_CHARS))),
         }
     }
 }

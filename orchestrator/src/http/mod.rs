@@ -71,11 +71,13 @@ use crate::tokens::redact;
         (name = "episodes", description = "Single episodes and their replays."),
         (name = "failures", description = "Reasons why episodes lose score: critiques, and the failure profile of a run."),
         (name = "designs", description = "Layouts that are designed for the agent's failures, and requests for more."),
-        (name = "tasks", description = "Strategies of the curriculum, and their settings."),
-        (name = "scenarios", description = "Tasks, and scenarios by hand: check, bracket and replay."),
+        (name = "curriculum", description = "Strategies of the curriculum, and their settings."),
+        (name = "tasks", description = "Tasks of the worlds, with their levels and spaces."),
+        (name = "scenarios", description = "Scenarios by hand: create, evaluate and roll out."),
         (name = "evaluations", description = "Evaluations of policies on frozen suites, and their comparison."),
         (name = "sessions", description = "Environments on the server, stepped over a WebSocket: one by text, many by binary frames."),
         (name = "openenv", description = "Routes of OpenEnv for openenv-core's clients, at the root; sessions over WebSockets at /ws and /mcp."),
+        (name = "access", description = "Log of the requests that changed something, and of refused ones."),
         (name = "health", description = "Liveness, readiness and metrics of the server."),
     )
 )]

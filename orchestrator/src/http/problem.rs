@@ -208,7 +208,7 @@ impl From<TooManyLongPolls> for Problem {
 
 impl From<RateLimited> for Problem {
     fn from(RateLimited { retry_after_s }: RateLimited) -> Self {
-        let detail = format!("You ask more often than you may; ask again in {retry_after_s} s.");
+        let detail = format!("The request rate limit is exceeded; retry in {retry_after_s} s.");
         Self::new(StatusCode::TOO_MANY_REQUESTS, "rate_limited", detail).with_retry_after(retry_after_s)
     }
 }

@@ -3,10 +3,8 @@
 use std::fmt;
 
 use env_core::format_shortest;
+use env_core::text::{MAX_QUOTED_CHARS, shorten};
 use serde::de::{self, Expected, Unexpected};
-
-/// Maximum length of user input that an error message quotes, in characters.
-const MAX_QUOTED_CHARS: usize = 60;
 
 /// Error of a field that cannot be read: its path, and the reason.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -24,20 +22,23 @@ impl FieldError {
 
     /// Error of a key that appears twice.
     pub(super) fn duplicate(field: &str) -> Self {
-        Self { field: shorten(field), reason: "it is given twice; which is meant?".to_owned() }
+        Self {
+            field: shorten(field, MAX_QUOTED_CHARS),
+            reason: "it is given twice; which is meant?".to_owned(),
+        }
     }
 
     /// Error of an unknown key; `known` lists the known ones.
     pub(crate) fn unknown(name: &str, known: &str) -> Self {
         let known =
             if known.is_empty() { "there are none here".to_owned() } else { format!("known are {known}") };
-        Self { field: shorten(name), reason: format!("it is not a known field; {known}") }
+        Self { field: shorten(name, MAX_QUOTED_CHARS), reason: format!("it is not a known field; {known}") }
     }
 
     /// Prefixes the path with the name of the object or list index that contains the field.
     pub(super) fn nested_in(mut self, name: &str) -> Self {
-        self.field =
-            if self.field.is_empty() { shorten(name) } else { format!("{}.{}", shorten(name), self.field) };
+        let name = shorten(name, MAX_QUOTED_CHARS);
+        self.field = if self.field.is_empty() { name } else { format!("{name}.{}", self.field) };
         self
     }
 }
@@ -76,7 +77,7 @@ impl de::Error for FieldError {
     }
 
     fn unknown_variant(word: &str, known: &'static [&'static str]) -> Self {
-        Self::new(format!("it is {:?}; choose one of {}", shorten(word), known.join(", ")))
+        Self::new(format!("it is {:?}; choose one of {}", shorten(word, MAX_QUOTED_CHARS), known.join(", ")))
     }
 
     fn unknown_field(name: &str, known: &'static [&'static str]) -> Self {
@@ -100,7 +101,7 @@ fn describe_found(found: &Unexpected<'_>) -> String {
         Unexpected::Signed(number) => number.to_string(),
         Unexpected::Float(number) => format_shortest(number),
         Unexpected::Char(letter) => format!("{letter:?}"),
-        Unexpected::Str(text) => format!("{:?}", shorten(text)),
+        Unexpected::Str(text) => format!("{:?}", shorten(text, MAX_QUOTED_CHARS)),
         Unexpected::Unit | Unexpected::Option => "null".to_owned(),
         Unexpected::Seq => "a list".to_owned(),
         Unexpected::Map => "an object".to_owned(),
@@ -125,14 +126,5 @@ fn describe_expected(wanted: &str) -> String {
         _ if wanted.starts_with("struct ") => "an object".to_owned(),
         _ if wanted.starts_with("enum ") || wanted == "variant identifier" => "one of its values".to_owned(),
         _ => wanted.to_owned(),
-    }
-}
-
-/// Cuts user input to [`MAX_QUOTED_CHARS`].
-fn shorten(text: &str) -> String {
-    if text.chars().count() <= MAX_QUOTED_CHARS {
-        text.to_owned()
-    } else {
-        text.chars().take(MAX_QUOTED_CHARS - 3).chain("...".chars()).collect()
     }
 }

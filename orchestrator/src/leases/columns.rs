@@ -46,13 +46,13 @@ impl CreateColumnLease {
             return Err(ServiceError::invalid("evaluation", "suites are flown on groups; leave form out"));
         }
         if request.refill {
-            let why = "what comes in columns is not told apart group by group; leave it out";
+            let why = "it needs results per group; remove it, or use `form: groups`";
             return Err(ServiceError::invalid("refill", why));
         }
         let strategy = state.settings.curriculum.strategy;
         if strategy.replays_scenarios() {
             let why = format!(
-                "{strategy} faces single scenarios again, and columns are ranges of seeds; leave form out"
+                "{strategy} repeats scenarios, which column leases cannot contain; use `form: groups`"
             );
             return Err(ServiceError::invalid("form", why));
         }

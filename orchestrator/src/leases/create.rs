@@ -97,7 +97,7 @@ impl CreateLease {
             return Err(ServiceError::invalid("evaluation", why));
         }
         if self.refill && (group_size < 2 || self.purpose != Purpose::Train) {
-            let why = "only groups of two or more episodes for training can come to the same; leave it out";
+            let why = "it needs purpose `train` and a `group_size` of at least 2";
             return Err(ServiceError::invalid("refill", why));
         }
         Ok(group_size)
@@ -125,7 +125,7 @@ impl CreateLease {
             is_compacted: false,
             owner: self.owner.map(|owner| owner.token),
             id: next,
-            token: random_token(6),
+            id_suffix: random_token(6),
             run: self.run.to_string(),
             purpose: self.purpose,
             form: LeaseForm::Groups,

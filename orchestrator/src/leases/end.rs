@@ -17,7 +17,7 @@ use crate::results::report_summary::ReportSummary;
 /// Leases that one change expires at most.
 const MAX_EXPIRED_AT_ONCE: i64 = 32;
 
-/// Releases a lease. Its unreported episodes are offered again. Releasing twice is the same as releasing once.
+/// Releases a lease and closes its groups. The scenario of a lost group returns to the queue. Releasing twice is the same as releasing once.
 #[derive(Debug)]
 pub struct ReleaseLease {
     /// Id of the run.
@@ -67,7 +67,7 @@ pub(crate) enum LeaseEnd {
     Expired,
 }
 
-/// Ends a lease and closes its open groups. Their unreported episodes are offered again.
+/// Ends a lease and closes its open groups. The scenario of a lost group returns to the queue.
 pub(crate) async fn end_lease(
     tx: &mut WriteTx,
     lease: &LeaseRow,

@@ -20,6 +20,6 @@ pub async fn find_lease(
         None => compacted_leases::get(conn, run.as_str(), lease.number).await?.map(|lease| lease.row),
         row => row,
     };
-    row.filter(|row| row.token == lease.token && row.run == run.as_str())
+    row.filter(|row| row.id_suffix == lease.suffix && row.run == run.as_str())
         .ok_or_else(|| ServiceError::UnknownLease(lease.to_string()))
 }

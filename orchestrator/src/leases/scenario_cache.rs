@@ -9,7 +9,7 @@ use store::groups::GroupRow;
 use store::scenarios::{LoadedScenarios, ScenarioLoader};
 use store::{StoreError, brackets};
 
-/// LoadedScenarios and brackets of the groups that one request needs.
+/// Scenarios and brackets of the groups that one request needs.
 #[derive(Debug)]
 pub struct ScenarioCache {
     scenarios: LoadedScenarios,

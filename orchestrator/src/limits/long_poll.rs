@@ -17,7 +17,7 @@ pub struct LongPollLimit {
 
 /// Error of a long poll beyond the limit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("{limit} requests wait for groups already; come again when some are answered")]
+#[error("{limit} long polls are open; retry later")]
 pub struct TooManyLongPolls {
     /// Maximum number of requests that wait.
     pub limit: usize,

@@ -125,7 +125,7 @@ pub struct ChatPolicy {
     steps: u32,
 }
 
-/// ModelReply of the model: its text, and the action in it or the reason why there is none.
+/// Reply of the model: its text, and the action in it or the reason why there is none.
 struct ModelReply {
     text: String,
     action: Result<Value, String>,

@@ -37,7 +37,7 @@ pub async fn audit(
 ) -> Result<AuditedReport, ServiceError> {
     let mut finder = EpisodeFinder::new(run);
     let mut lookups = Vec::with_capacity(reported.len());
-    // One read transaction: a lease that is compacted in between would be neither here nor there.
+    // One read transaction: if a lease were compacted between `find` and `load`, its groups would no longer exist.
     let mut snapshot = sqlx::Connection::begin(conn).await.map_err(StoreError::from)?;
     for episode in &reported {
         lookups.push(finder.find(&mut snapshot, &episode.episode).await?);

@@ -72,7 +72,7 @@ impl AuditOutcome {
     /// Outcome of an episode of a compacted lease, which keeps results only.
     pub(crate) fn of_compacted(lease: Option<&CompactedLease>, index: i64) -> Self {
         let Some((_, known)) = lease.and_then(|compacted| compacted.episode(index)) else {
-            let detail = "its lease is over, and what it was to be flown on is kept no longer";
+            let detail = "the lease has ended and its scenario was deleted";
             return Self::refused(RefusalCode::Expired, detail);
         };
         Self::Known { score: known.score, skill: known.skill, success: known.success }

@@ -125,7 +125,7 @@ impl<'a> EpisodeFinder<'a> {
         let Ok(EpisodePlace { group, .. }) = lookup else { return };
         if !self.targets.contains_key(group) {
             let detail = if self.needed.get(&group.lease).is_some_and(|needed| needed.is_columns) {
-                "it is not audited: only the columns say how it went"
+                "the episode is not audited; its result comes from the columns"
             } else {
                 "the lease has no such group"
             };
@@ -166,7 +166,7 @@ impl<'a> EpisodeFinder<'a> {
                 .map(|compacted| compacted.row),
             row => row,
         };
-        let found = match row.filter(|row| row.token == id.token) {
+        let found = match row.filter(|row| row.id_suffix == id.suffix) {
             None => Err(Refusal::new(RefusalCode::UnknownEpisode, format!("there is no lease {id}"))),
             Some(row) if row.run != self.run.as_str() => {
                 let detail = format!("lease {id} is not one of run {}", self.run);

@@ -57,7 +57,7 @@ pub(crate) fn episode_row(
     Ok(row)
 }
 
-/// ResultReceipt of an episode that was reported before: a duplicate if the result is the same, else a conflict.
+/// Receipt of an episode that was reported before: a duplicate if the result is the same, else a conflict.
 pub(crate) fn duplicate_receipt(episode: String, earlier: &ReportedResult, digest: &[u8]) -> ResultReceipt {
     if earlier.digest == digest {
         ResultReceipt {
@@ -70,7 +70,7 @@ pub(crate) fn duplicate_receipt(episode: String, earlier: &ReportedResult, diges
             success: earlier.success,
         }
     } else {
-        let detail = "it was reported before, and differently; the first report stands";
+        let detail = "a different result was reported earlier and was kept";
         refused_receipt(episode, Refusal::new(RefusalCode::Conflict, detail))
     }
 }

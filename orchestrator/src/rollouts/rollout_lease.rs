@@ -56,7 +56,7 @@ impl Change for LeaseRolloutGroup {
     }
 }
 
-/// Returns a lease of a rollout worker: what was not reported is offered again.
+/// Returns a lease of a rollout worker: scenarios of lost groups return to the queue.
 #[derive(Debug)]
 pub struct ReturnRolloutLease(pub LeaseId);
 

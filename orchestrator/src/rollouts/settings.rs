@@ -1,6 +1,7 @@
 //! The policy of a run: its request, its stored settings, and the changes that set it.
 
 use api_types::{PolicyRequest, PolicySettings};
+use env_core::text::{MAX_QUOTED_CHARS, shorten};
 use llm::LlmClient;
 use store::ids::RunId;
 use store::run_policies::{self, RunPolicy, RunPolicyRow};
@@ -117,7 +118,7 @@ fn check_policy(task: &str, policy: &str) -> Result<(), ServiceError> {
         return Ok(());
     }
     let known: Vec<&str> = specs.iter().map(|spec| spec.name).collect();
-    let policy: String = policy.chars().take(60).collect();
+    let policy = shorten(policy, MAX_QUOTED_CHARS);
     let reason = format!(
         "there is no policy {policy:?} for {task}; choose {}, {}, or one of {}",
         RunPolicy::Off,

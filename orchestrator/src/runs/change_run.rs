@@ -1,6 +1,6 @@
 //! Changes the settings of a run that is in progress.
 
-use api_types::RunChange;
+use api_types::RunUpdate;
 use store::ids::RunId;
 use store::runs::{self, RunRow};
 use store::to_json;
@@ -20,7 +20,7 @@ pub struct ChangeRun {
     /// Id of the run.
     pub run: RunId,
     /// Settings to change, and their values.
-    pub change: RunChange,
+    pub change: RunUpdate,
 }
 
 impl Change for ChangeRun {
@@ -54,7 +54,7 @@ impl Change for ChangeRun {
 ///
 /// # Errors
 /// Returns an error that names the first invalid field.
-fn apply_change(change: &RunChange, settings: &RunSettings) -> Result<RunSettings, ServiceError> {
+fn apply_change(change: &RunUpdate, settings: &RunSettings) -> Result<RunSettings, ServiceError> {
     let update = SettingsUpdate {
         strategy: change.strategy,
         strategy_settings: &change.strategy_settings,

@@ -111,7 +111,7 @@ impl DesignWorker {
         // A request whose result could not be stored must not block its run for ever.
         for request in running.into_iter().filter(|request| !active.runs.contains(&request.run)) {
             let DesignRequestRef { id, run, task } = request;
-            let error = Some("what was designed was lost; the log says why".to_owned());
+            let error = Some("the design result was lost; see the server's log".to_owned());
             let lost = FinishDesignRequest { error, ..FinishDesignRequest::empty(id, run, task) };
             self.writer.change(lost).await?;
         }

@@ -15,7 +15,7 @@ pub async fn run(writer: Writer) {
         match writer.change(ExpireLeases).await {
             Ok(0) => {}
             Ok(expired) => {
-                tracing::info!(expired, "Leases expired; their unreported episodes are offered again.");
+                tracing::info!(expired, "Leases expired; scenarios of lost groups return to the queue.");
                 continue; // one change expires a limited number of leases
             }
             Err(ServiceError::Stopping) => return,

@@ -10,7 +10,7 @@ mod tests;
 use sqlx::{SqliteConnection, query};
 
 pub use self::packing::{CompactedClaim, CompactedEpisode, CompactedGroup, CompactedLease};
-use self::packing::{PackedLeases, pack_leases, unpack_heads, unpack_leases};
+use self::packing::{PackedLeases, pack_leases, unpack_lease_rows, unpack_leases};
 use super::StoreError;
 use super::leases::LeaseRow;
 use crate::Millis;
@@ -28,16 +28,16 @@ pub async fn insert(
     let numbers = || leases.iter().map(|lease| lease.row.id);
     let (Some(first), Some(last)) = (numbers().min(), numbers().max()) else { return Ok(()) };
     let episodes = count_episodes(leases);
-    let PackedLeases { heads, body } = pack_leases(leases)?;
+    let PackedLeases { lease_rows, body } = pack_leases(leases)?;
     query!(
-        "INSERT INTO compacted_leases (run, first_lease, last_lease, episodes, at, heads, body)
+        "INSERT INTO compacted_leases (run, first_lease, last_lease, episodes, at, lease_rows, body)
          VALUES (?, ?, ?, ?, ?, ?, ?)",
         run,
         first,
         last,
         episodes,
         at,
-        heads,
+        lease_rows,
         body
     )
     .execute(conn)
@@ -91,11 +91,11 @@ impl CompactedRow {
 
     async fn rewrite(self, conn: &mut SqliteConnection) -> Result<(), StoreError> {
         let episodes = count_episodes(&self.leases);
-        let PackedLeases { heads, body } = pack_leases(&self.leases)?;
+        let PackedLeases { lease_rows, body } = pack_leases(&self.leases)?;
         query!(
-            "UPDATE compacted_leases SET episodes = ?, heads = ?, body = ? WHERE id = ?",
+            "UPDATE compacted_leases SET episodes = ?, lease_rows = ?, body = ? WHERE id = ?",
             episodes,
-            heads,
+            lease_rows,
             body,
             self.id
         )
@@ -119,7 +119,7 @@ async fn row_of_lease(
     // Usually the first row holds it: leases are compacted in order.
     loop {
         let row = query!(
-            "SELECT id, first_lease, heads, body FROM compacted_leases
+            "SELECT id, first_lease, lease_rows, body FROM compacted_leases
              WHERE run = ? AND (first_lease, id) <= (?, ?) AND last_lease >= ?
              ORDER BY first_lease DESC, id DESC LIMIT 1",
             run,
@@ -130,7 +130,7 @@ async fn row_of_lease(
         .fetch_optional(&mut *conn)
         .await?;
         let Some(row) = row else { return Ok(None) };
-        let leases = unpack_leases(run, &row.heads, &row.body)?;
+        let leases = unpack_leases(run, &row.lease_rows, &row.body)?;
         let found = CompactedRow { id: row.id, leases };
         if found.holds(lease) {
             return Ok(Some(found));
@@ -149,7 +149,7 @@ pub async fn get(
     lease: i64,
 ) -> Result<Option<CompactedLease>, StoreError> {
     let rows = query!(
-        "SELECT heads, body FROM compacted_leases
+        "SELECT lease_rows, body FROM compacted_leases
          WHERE run = ?1 AND first_lease <= ?2 AND last_lease >= ?2 ORDER BY first_lease DESC",
         run,
         lease
@@ -158,7 +158,7 @@ pub async fn get(
     .await?;
     let mut found = Vec::new();
     for row in rows {
-        let leases = unpack_leases(run, &row.heads, &row.body)?;
+        let leases = unpack_leases(run, &row.lease_rows, &row.body)?;
         found.extend(leases.into_iter().filter(|compacted| compacted.row.id == lease));
     }
     Ok(join_leases(found).pop())
@@ -197,7 +197,7 @@ trait RowPart: Sized {
     const ROWS: i64;
 
     /// Unpacks a row. `body` is none if bodies are not read.
-    fn unpack(run: &str, heads: &[u8], body: Option<&[u8]>) -> Result<Vec<Self>, StoreError>;
+    fn unpack(run: &str, lease_rows: &[u8], body: Option<&[u8]>) -> Result<Vec<Self>, StoreError>;
 
     /// Number of the lease.
     fn lease(&self) -> i64;
@@ -210,8 +210,8 @@ impl RowPart for CompactedLease {
     const READS_BODY: bool = true;
     const ROWS: i64 = 2;
 
-    fn unpack(run: &str, heads: &[u8], body: Option<&[u8]>) -> Result<Vec<Self>, StoreError> {
-        unpack_leases(run, heads, body.unwrap_or_default())
+    fn unpack(run: &str, lease_rows: &[u8], body: Option<&[u8]>) -> Result<Vec<Self>, StoreError> {
+        unpack_leases(run, lease_rows, body.unwrap_or_default())
     }
 
     fn lease(&self) -> i64 {
@@ -227,8 +227,8 @@ impl RowPart for LeaseRow {
     const READS_BODY: bool = false;
     const ROWS: i64 = 128;
 
-    fn unpack(run: &str, heads: &[u8], _body: Option<&[u8]>) -> Result<Vec<Self>, StoreError> {
-        unpack_heads(run, heads)
+    fn unpack(run: &str, lease_rows: &[u8], _body: Option<&[u8]>) -> Result<Vec<Self>, StoreError> {
+        unpack_lease_rows(run, lease_rows)
     }
 
     fn lease(&self) -> i64 {
@@ -260,7 +260,7 @@ pub async fn from(
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if a query fails, and [`StoreError::Corrupt`] if a row cannot be decoded.
-pub async fn heads(
+pub async fn lease_rows(
     conn: &mut SqliteConnection,
     run: &str,
     lease: i64,
@@ -281,7 +281,7 @@ async fn walk<P: RowPart>(
         let (reads_body, limit) = (P::READS_BODY, P::ROWS);
         // Several rows may begin with the same lease.
         let rows = query!(
-            r#"SELECT id, first_lease, heads, CASE WHEN ? THEN body END AS "body: Vec<u8>" FROM compacted_leases
+            r#"SELECT id, first_lease, lease_rows, CASE WHEN ? THEN body END AS "body: Vec<u8>" FROM compacted_leases
                WHERE run = ? AND (first_lease, id) > (?, ?) AND last_lease >= ? ORDER BY first_lease, id LIMIT ?"#,
             reads_body,
             run,
@@ -297,7 +297,7 @@ async fn walk<P: RowPart>(
         // Leases below `first_lease` are complete: a lease that ended late is in a row of its own, which later rows may precede.
         let is_complete = |part: &&P| part.lease() < first_lease;
         for row in &rows {
-            let parts = P::unpack(run, &row.heads, row.body.as_deref())?;
+            let parts = P::unpack(run, &row.lease_rows, row.body.as_deref())?;
             found.extend(parts.into_iter().filter(|part| part.lease() >= lease));
         }
         found = P::join(found);
@@ -320,7 +320,7 @@ pub async fn each(
     let (mut first_lease, mut id) = (i64::MIN, i64::MIN);
     loop {
         let rows = query!(
-            "SELECT id, first_lease, heads, body FROM compacted_leases
+            "SELECT id, first_lease, lease_rows, body FROM compacted_leases
              WHERE run = ? AND (first_lease, id) > (?, ?) ORDER BY first_lease, id LIMIT 2",
             run,
             first_lease,
@@ -331,7 +331,7 @@ pub async fn each(
         let Some(last) = rows.last() else { return Ok(()) };
         (first_lease, id) = (last.first_lease, last.id);
         for row in &rows {
-            unpack_leases(run, &row.heads, &row.body)?.into_iter().for_each(&mut visit);
+            unpack_leases(run, &row.lease_rows, &row.body)?.into_iter().for_each(&mut visit);
         }
     }
 }

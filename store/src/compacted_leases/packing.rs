@@ -1,4 +1,4 @@
-//! Contents of a row of compacted leases, and their packing: heads (the leases themselves), and apart from them a body (their
+//! Contents of a row of compacted leases, and their packing: lease rows (the leases themselves), and apart from them a body (their
 //! groups and episodes).
 
 use serde::{Deserialize, Serialize};
@@ -106,8 +106,8 @@ struct LeaseBodyRef<'a> {
 
 /// Heads and body of a row, packed.
 pub(super) struct PackedLeases {
-    /// Content of the `heads` column.
-    pub(super) heads: Vec<u8>,
+    /// Content of the `lease_rows` column.
+    pub(super) lease_rows: Vec<u8>,
     /// Content of the `body` column.
     pub(super) body: Vec<u8>,
 }
@@ -120,25 +120,32 @@ pub(super) fn pack_leases(leases: &[CompactedLease]) -> Result<PackedLeases, Sto
     let packed = |encoded: Result<Vec<u8>, rmp_serde::encode::Error>| {
         encoded.map(pack).map_err(|error| StoreError::corrupt(ITEM, error))
     };
-    Ok(PackedLeases { heads: packed(rmp_serde::to_vec(&rows))?, body: packed(rmp_serde::to_vec(&bodies))? })
+    Ok(PackedLeases {
+        lease_rows: packed(rmp_serde::to_vec(&rows))?,
+        body: packed(rmp_serde::to_vec(&bodies))?,
+    })
 }
 
 /// Name of a row in error messages.
 const ITEM: &str = "a row of compacted leases";
 
-/// Unpacks the heads of a row.
-pub(super) fn unpack_heads(run: &str, heads: &[u8]) -> Result<Vec<LeaseRow>, StoreError> {
-    let mut rows: Vec<LeaseRow> = decode(heads)?;
+/// Unpacks the lease rows.
+pub(super) fn unpack_lease_rows(run: &str, lease_rows: &[u8]) -> Result<Vec<LeaseRow>, StoreError> {
+    let mut rows: Vec<LeaseRow> = decode(lease_rows)?;
     rows.iter_mut().for_each(|row| complete(run, row));
     Ok(rows)
 }
 
 /// Unpacks the leases of a row.
-pub(super) fn unpack_leases(run: &str, heads: &[u8], body: &[u8]) -> Result<Vec<CompactedLease>, StoreError> {
-    let rows = unpack_heads(run, heads)?;
+pub(super) fn unpack_leases(
+    run: &str,
+    lease_rows: &[u8],
+    body: &[u8],
+) -> Result<Vec<CompactedLease>, StoreError> {
+    let rows = unpack_lease_rows(run, lease_rows)?;
     let bodies: Vec<LeaseBody> = decode(body)?;
     if rows.len() != bodies.len() {
-        return Err(StoreError::corrupt(ITEM, "its heads do not match its body"));
+        return Err(StoreError::corrupt(ITEM, "its lease_rows do not match its body"));
     }
     let leases = rows.into_iter().zip(bodies);
     Ok(leases.map(|(row, LeaseBody { groups, claim })| CompactedLease { row, groups, claim }).collect())

@@ -8,7 +8,7 @@ use crate::leases::{LeaseForm, LeaseStatus, Purpose};
 fn lease(id: i64, numbers: &[i64]) -> CompactedLease {
     let row = LeaseRow {
         id,
-        token: "aaaaaa".to_owned(),
+        id_suffix: "aaaaaa".to_owned(),
         run: "run".to_owned(),
         purpose: Purpose::Train,
         form: LeaseForm::Groups,

@@ -68,7 +68,7 @@ const INVALID_REQUESTS: [InvalidRequest; 57] = [
     get("/v1/runs/unknown/episodes"),
     get("/v1/runs/unknown/leases"),
     get("/v1/runs/unknown/mastery"),
-    get("/v1/runs/unknown/mastery/history"),
+    get("/v1/runs/unknown/level_moves"),
     get("/v1/runs?limit=0"),
     get("/v1/runs?limit=many"),
     get("/v1/runs?limit=1&limit=2"),

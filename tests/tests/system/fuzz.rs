@@ -167,7 +167,7 @@ const ROUTES: &[&str] = &[
     "/v1/layouts",
     "/v1/layouts/{}",
     "/v1/runs/run/failures",
-    "/v1/runs/run/mastery/history",
+    "/v1/runs/run/level_moves",
     "/v1/runs/run/trajectories",
     "/v1/audit",
     "/v1/runs",

@@ -112,7 +112,7 @@ async fn compacted_leases_keep_their_outcomes() {
 
     let listed = assert_lists_are_complete(&api, &reports).await;
     let history = |api: ApiClient| async move {
-        let history = api.get("/v1/runs/run/mastery/history").await.expect(200);
+        let history = api.get("/v1/runs/run/level_moves").await.expect(200);
         let points = history["points"].as_array().unwrap();
         let mut n = BTreeMap::<String, (u64, f64)>::new();
         for point in points {

@@ -49,7 +49,7 @@ async fn heuristic_policy_is_promoted_and_scores_are_replayed() {
     assert!(levels.iter().any(|l| l["level"] == 0 && l["mean"].as_f64().unwrap() > 0.9), "{levels:?}");
     assert_ne!(params(&api.get("/v1/runs/good/params").await.expect(200)), before);
 
-    let history = api.get("/v1/runs/good/mastery/history").await.expect(200);
+    let history = api.get("/v1/runs/good/level_moves").await.expect(200);
     let first = &history["moves"][0];
     let blocks = first["evidence"]["blocks"].as_array().unwrap();
     assert_eq!((blocks.len(), blocks[0]["n"].as_u64()), (2, Some(32)), "{first}");

@@ -39,7 +39,7 @@ pub(crate) struct EvidenceBlock {
     pub(crate) finished: u32,
     /// Number of episodes that failed or expired, those of scenarios without a success rate included.
     pub(crate) lost: u32,
-    /// Seq of the earliest proposal in the block; `None` in blocks of older versions, which did not store it.
+    /// Seq of the earliest proposal in the block; `None` while the block is empty.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) first: Option<u64>,
 }

@@ -41,8 +41,7 @@ pub struct MoveEvidence {
 }
 
 impl MoveEvidence {
-    /// Seq of the earliest proposal behind the evidence. `None` if there is none, or if a block of an older version
-    /// does not store it.
+    /// Seq of the earliest proposal behind the evidence. `None` if there is no evidence.
     #[must_use]
     pub fn earliest_proposal(&self) -> Option<u64> {
         let blocks = self.blocks.iter().map(|block| block.first);
@@ -68,7 +67,7 @@ pub struct BlockSummary {
     pub finished: u32,
     /// Number of episodes that failed or expired.
     pub lost: u32,
-    /// Seq of the block's earliest proposal; `None` in blocks of older versions, which did not store it.
+    /// Seq of the block's earliest proposal; `None` if the block is empty.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub first: Option<u64>,
 }
@@ -86,7 +85,7 @@ pub struct ProbeSummary {
     pub mean: f64,
     /// True if the level passed.
     pub passed: bool,
-    /// Seq of the probe's earliest proposal; `None` in probes of older versions, which did not store it.
+    /// Seq of the probe's earliest proposal; `None` if the probe is empty.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub first: Option<u64>,
 }

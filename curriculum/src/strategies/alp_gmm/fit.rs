@@ -15,7 +15,6 @@ use crate::core::strategy::BackgroundJob;
 pub(super) struct MixtureFit {
     points: Vec<Vec<f64>>,
     components: ComponentRange,
-    #[serde(rename = "drawn")]
     rng_key: RngKey,
     #[serde(skip)]
     result: OnceLock<Option<Mixture>>,

@@ -46,9 +46,7 @@ struct TaskProgress {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum TaskStage {
-    #[serde(rename = "placing")]
     Placement(Placement),
-    #[serde(rename = "climbing")]
     Level(LevelStage),
 }
 

@@ -43,12 +43,10 @@ struct ScenarioPool {
     /// Scenarios with too few episodes, by the seq of the proposal that made them.
     trials: BTreeMap<u64, Trial>,
     /// Those of them that wait for another group, first in first out.
-    #[serde(rename = "again")]
     repeat_queue: VecDeque<u64>,
     /// Rated candidates since the last refill, best first; no more than may be kept.
     best: Vec<RatedScenario>,
     /// Number of candidates rated since the last refill.
-    #[serde(rename = "tried")]
     rated: u32,
     /// Scenarios that are repeated until the next refill, best first.
     kept: Vec<RatedScenario>,

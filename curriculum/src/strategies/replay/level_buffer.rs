@@ -21,7 +21,6 @@ pub(super) struct BufferedLevel {
     /// Number of outcomes observed.
     pub(super) visits: u32,
     /// Mean over the visits of the scenario's teaching value.
-    #[serde(rename = "worth")]
     pub(super) score: f64,
     /// Best mean score of a visit.
     best: f64,

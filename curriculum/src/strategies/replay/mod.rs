@@ -45,11 +45,9 @@ pub(super) struct Replay {
 /// Level buffer of a task, its queue of edits, and counts of what it received.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 struct TaskBuffer {
-    #[serde(rename = "shelf")]
     buffer: LevelBuffer,
     /// Seqs of the scenarios to edit, first in first out.
     edits: VecDeque<u64>,
-    #[serde(rename = "seen")]
     scored: ScoredOutcomes,
     /// Number of outcomes that lack the score.
     unscored: u64,

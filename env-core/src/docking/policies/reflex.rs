@@ -38,7 +38,7 @@ impl DockingReflexParameters {
     /// The approach law with these parameters. Ranges are wide on purpose: most laws crash, miss or saturate.
     #[must_use]
     pub fn approach(&self) -> ApproachLaw {
-        let p = self.0.map(|v| if v.is_nan() { 0.5 } else { v.clamp(0.0, 1.0) });
+        let p = reflex::clamp_parameters(self.0);
         let scale = |i: usize, low: f64, high: f64| low + (high - low) * p[i];
         ApproachLaw {
             speed_fraction: scale(0, 0.0, 2.5),

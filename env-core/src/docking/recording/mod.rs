@@ -1,12 +1,10 @@
 //! Replays episodes that safe-autonomy-sims recorded, from their starts and actions, and compares the results.
 
-mod difference_tally;
 pub mod format;
 
 use serde::Deserialize;
 use serde_json::Value;
 
-use self::difference_tally::{ComparedQuantity, DifferenceTally};
 use self::format::{DockingRecording, RecordedAgent, RecordedEpisode, RecordedStep};
 use super::DOCKING_TASKS;
 use super::constants::{COLLISION_DISTANCE_M, MAX_DEPUTIES, STATE_DIM};
@@ -14,6 +12,7 @@ use super::end_conditions::EndConditions;
 use super::relative_motion::separation;
 use super::setup::{DeputyStarts, DockingSetup};
 use super::simulation::{DockingSim, DockingStep, Thrusts, observe_deputy};
+use crate::difference_tally::DifferenceTally;
 use crate::task::Recipe;
 use crate::world::{ComparisonError, RecordingComparison};
 
@@ -23,6 +22,19 @@ const SINGLE_PRECISION_TOLERANCE: f64 = 1e-8;
 /// Relative tolerance of observations. Both sides compute them in single precision in different order, so they differ by at
 /// most two roundings.
 const OBSERVATION_TOLERANCE: f64 = 2.0 * f32::EPSILON as f64;
+
+/// Names of the compared quantities.
+const QUANTITIES: [&str; 9] = [
+    "state",
+    "observation",
+    "reward_distance",
+    "reward_delta_v",
+    "reward_velocity",
+    "reward_success",
+    "reward_failure",
+    "reward",
+    "return",
+];
 
 /// True if a file looks like a recording of this world.
 #[must_use]
@@ -38,7 +50,7 @@ pub fn is_recording(recording: &Value) -> bool {
 pub fn compare_recording(recording: &Value, tolerance: f64) -> Result<RecordingComparison, ComparisonError> {
     let recording = DockingRecording::deserialize(recording)
         .map_err(|error| ComparisonError::Malformed(format!("it is not a recording: {error}")))?;
-    let mut tally = DifferenceTally::new(tolerance);
+    let mut tally = DifferenceTally::new(&QUANTITIES, Some("done"), tolerance);
     for (index, episode) in recording.episodes.iter().enumerate() {
         tally.episode = index;
         compare_episode(episode, &mut tally)
@@ -64,7 +76,10 @@ fn compare_episode(episode: &RecordedEpisode, tally: &mut DifferenceTally) -> Re
         }
         tally.step = number;
         if sim.is_done() {
-            tally.add_mismatch(format!("it ended at step {}, recorded going on", sim.steps()));
+            tally.add_mismatch(format!(
+                "the replay ended at step {}, but the recording continues",
+                sim.steps()
+            ));
             return Ok(());
         }
         let mut thrusts: Thrusts = [[0.0; 3]; MAX_DEPUTIES];
@@ -86,11 +101,11 @@ fn compare_episode(episode: &RecordedEpisode, tally: &mut DifferenceTally) -> Re
         if let Some(&theirs) = episode.returns.get(*name) {
             let allowed = tally.tolerance.max(SINGLE_PRECISION_TOLERANCE * episode.n_steps as f64);
             tally.compare_numbers(
-                ComparedQuantity::Return,
+                "return",
                 sim.deputies()[i].total_reward,
                 theirs,
                 allowed,
-                name,
+                format_args!("return of {name}"),
             );
         }
     }
@@ -137,7 +152,8 @@ fn compare_step(
         }
         if let Some(theirs) = step.state.get(*name) {
             for (&ours, &theirs) in sim.deputies()[i].state.iter().zip(theirs) {
-                tally.compare_numbers(ComparedQuantity::State, ours, theirs, tally.tolerance, name);
+                let what = format_args!("state of {name}");
+                tally.compare_numbers("state", ours, theirs, tally.tolerance, what);
             }
         }
         compare_observation(sim, i, &agent.obs, tally);
@@ -192,13 +208,8 @@ fn compare_observation(sim: &DockingSim, i: usize, theirs: &[f64], tally: &mut D
         let ours = f64::from(ours);
         // Near zero the rounding of the state dominates, 1e-9 m or less, not that of the value.
         let allowed = tally.tolerance.max(OBSERVATION_TOLERANCE * ours.abs().max(theirs.abs()).max(0.01));
-        tally.compare_numbers(
-            ComparedQuantity::Observation,
-            ours,
-            theirs,
-            allowed,
-            &format!("deputy {i}, column {column}"),
-        );
+        let what = format_args!("observation of deputy {i}, column {column}");
+        tally.compare_numbers("observation", ours, theirs, allowed, what);
     }
 }
 
@@ -212,14 +223,14 @@ fn compare_reward(
     let (ours, theirs) = (&result.rewards[i], &agent.components);
     let (exact, single) = (tally.tolerance, tally.tolerance.max(SINGLE_PRECISION_TOLERANCE));
     for (quantity, ours, theirs, allowed) in [
-        (ComparedQuantity::Distance, ours.distance, theirs.distance, exact),
-        (ComparedQuantity::DeltaV, ours.delta_v, theirs.delta_v, single),
-        (ComparedQuantity::Velocity, ours.velocity, theirs.velocity, exact),
-        (ComparedQuantity::Success, ours.success, theirs.success, exact),
-        (ComparedQuantity::Failure, ours.failure, theirs.failure, exact),
-        (ComparedQuantity::Reward, ours.total(), agent.reward, single),
+        ("reward_distance", ours.distance, theirs.distance, exact),
+        ("reward_delta_v", ours.delta_v, theirs.delta_v, single),
+        ("reward_velocity", ours.velocity, theirs.velocity, exact),
+        ("reward_success", ours.success, theirs.success, exact),
+        ("reward_failure", ours.failure, theirs.failure, exact),
+        ("reward", ours.total(), agent.reward, single),
     ] {
-        tally.compare_numbers(quantity, ours, theirs, allowed, name);
+        tally.compare_numbers(quantity, ours, theirs, allowed, format_args!("{quantity} of {name}"));
     }
 }
 

@@ -1,20 +1,13 @@
 //! Compares with recorded episodes of safe-autonomy-sims.
 
-use std::io::Read;
-
 use serde_json::{Value, json};
 
+use crate::testing::decompress;
 use crate::world::RecordingComparison;
 
 /// Tolerance of states (in m) and reward components. Φ and Γ differ from the recording's only by rounding, about 1e-16 of
 /// 100 m per step, growing over up to 2000 steps.
 const TOLERANCE: f64 = 1e-9;
-
-fn decompress(compressed: &[u8]) -> Value {
-    let mut text = String::new();
-    flate2::read::GzDecoder::new(compressed).read_to_string(&mut text).unwrap();
-    serde_json::from_str(&text).unwrap()
-}
 
 fn compare(recording: &Value) -> RecordingComparison {
     let found: Vec<_> =

@@ -74,7 +74,7 @@ impl KesslerReflexParameters {
 
     /// Scales the parameters to the gains of the policy.
     pub(super) fn gains(&self) -> ReflexGains {
-        let p = self.0.map(|v| v.clamp(0.0, 1.0));
+        let p = reflex::clamp_parameters(self.0);
         let scale = |i: usize, low: f64, high: f64| low + (high - low) * p[i];
         ReflexGains {
             look_ahead: scale(0, 1.0, 25.0) as usize,

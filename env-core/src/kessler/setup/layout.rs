@@ -2,19 +2,18 @@
 
 use std::fmt::Arguments;
 
-use super::{KesslerSetup, RogueArrival, invalid_layout};
+use super::{KesslerSetup, RogueArrival};
 use crate::error::ScenarioError;
 use crate::kessler::constants::{EARTH_RADIUS, HORIZON, SATELLITES};
 use crate::kessler::kernel::Body;
 use crate::kessler::spaces::MAX_DEBRIS;
 use crate::task::{Layout, LayoutMode, MAX_LAYOUT_ROWS};
+use crate::text::{MAX_QUOTED_CHARS, shorten};
 
 /// Largest coordinate of a layout's body, LU: far beyond anything that matters in 50 steps.
 const MAX_COORDINATE: f64 = 1000.0;
 /// Largest velocity component of a layout's body, LU/TU.
 const MAX_SPEED: f64 = 100.0;
-/// Longest name of an unknown table that an error repeats, in characters.
-const MAX_TABLE_NAME: usize = 60;
 
 impl KesslerSetup {
     /// Adds the bodies of a layout.
@@ -26,7 +25,7 @@ impl KesslerSetup {
         let rows: usize = layout.bodies.values().map(Vec::len).sum();
         if rows > MAX_LAYOUT_ROWS {
             let reason = format!("{rows} rows; at most {MAX_LAYOUT_ROWS} are taken");
-            return Err(invalid_layout("layout.bodies", reason));
+            return Err(ScenarioError::layout("layout.bodies", reason));
         }
         let replace = layout.mode == LayoutMode::Replace;
         for (table, rows) in &layout.bodies {
@@ -46,9 +45,8 @@ impl KesslerSetup {
                     self.replaces_rogues = replace;
                 }
                 _ => {
-                    let name = table.chars().take(MAX_TABLE_NAME).collect::<String>();
                     return Err(ScenarioError::UnknownField {
-                        field: format!("layout.bodies.{name}"),
+                        field: format!("layout.bodies.{}", shorten(table, MAX_QUOTED_CHARS)),
                         known: "satellites, debris, rogues".to_owned(),
                     });
                 }
@@ -56,7 +54,7 @@ impl KesslerSetup {
         }
         let (drawn, given) = (self.debris, self.layout_debris.len());
         if (drawn + given) as f64 > MAX_DEBRIS {
-            return Err(invalid_layout(
+            return Err(ScenarioError::layout(
                 "layout.bodies.debris",
                 format!("{given} beside {drawn} that are drawn; a scenario has at most {MAX_DEBRIS} in all"),
             ));
@@ -67,7 +65,7 @@ impl KesslerSetup {
     /// Draws no debris, since the layout gives `rows` of it. `params.debris` must say the same number.
     fn replace_debris(&mut self, rows: usize) -> Result<(), ScenarioError> {
         if self.debris != rows {
-            return Err(invalid_layout(
+            return Err(ScenarioError::layout(
                 "params.debris",
                 format!("it is {}, but the layout replaces debris by {rows}: say {rows}", self.debris),
             ));
@@ -80,7 +78,7 @@ impl KesslerSetup {
 fn parse_satellites(table: &str, rows: &[Vec<f64>]) -> Result<[Body; SATELLITES], ScenarioError> {
     parse_bodies(table, rows)?.try_into().map_err(|given: Vec<Body>| {
         let reason = format!("{} rows; give all {SATELLITES}", given.len());
-        invalid_layout("layout.bodies.satellites", reason)
+        ScenarioError::layout("layout.bodies.satellites", reason)
     })
 }
 
@@ -92,7 +90,7 @@ fn parse_bodies(table: &str, rows: &[Vec<f64>]) -> Result<Vec<Body>, ScenarioErr
 fn parse_body(field: Arguments<'_>, row: &[f64]) -> Result<Body, ScenarioError> {
     let &[x, y, vx, vy] = row else {
         let reason = format!("{} numbers; a body is x, y, vx, vy", row.len());
-        return Err(invalid_layout(&field.to_string(), reason));
+        return Err(ScenarioError::layout(field.to_string(), reason));
     };
     check_body(field, 0, Body { x, y, vx, vy })
 }
@@ -100,9 +98,9 @@ fn parse_body(field: Arguments<'_>, row: &[f64]) -> Result<Body, ScenarioError> 
 fn parse_rogue(field: Arguments<'_>, row: &[f64]) -> Result<RogueArrival, ScenarioError> {
     let &[step, x, y, vx, vy] = row else {
         let reason = format!("{} numbers; a rogue is step, x, y, vx, vy", row.len());
-        return Err(invalid_layout(&field.to_string(), reason));
+        return Err(ScenarioError::layout(field.to_string(), reason));
     };
-    check_range(format_args!("{field}.0"), step, 1.0, f64::from(HORIZON))?;
+    ScenarioError::check_range(format_args!("{field}.0"), step, 1.0, f64::from(HORIZON))?;
     if libm::floor(step) != step {
         let wanted = "a whole number".to_owned();
         return Err(ScenarioError::WrongType {
@@ -119,19 +117,11 @@ fn check_body(field: Arguments<'_>, first_column: usize, body: Body) -> Result<B
     let columns =
         [(body.x, MAX_COORDINATE), (body.y, MAX_COORDINATE), (body.vx, MAX_SPEED), (body.vy, MAX_SPEED)];
     for (column, (value, max)) in (first_column..).zip(columns) {
-        check_range(format_args!("{field}.{column}"), value, -max, max)?;
+        ScenarioError::check_range(format_args!("{field}.{column}"), value, -max, max)?;
     }
     if body.radius() < EARTH_RADIUS {
         let reason = format!("it starts inside the Earth, {:.1} LU from its centre", body.radius());
-        return Err(invalid_layout(&field.to_string(), reason));
+        return Err(ScenarioError::layout(field.to_string(), reason));
     }
     Ok(body)
-}
-
-fn check_range(field: Arguments<'_>, value: f64, min: f64, max: f64) -> Result<(), ScenarioError> {
-    if value >= min && value <= max {
-        Ok(())
-    } else {
-        Err(ScenarioError::OutOfRange { field: field.to_string(), value, min, max })
-    }
 }

@@ -106,7 +106,7 @@ fn unknown_or_conflicting_options_are_rejected() {
     physics.warnings is true, but must be a word
     physics.radar is not a known field; known are start, compat, contact, gravity, risk, warnings
     physics is "j2", but must be an object
-    physics.contact: it cannot be combined with risk: pc: under it no contact destroys, so there is none to sweep for
+    physics.contact: it cannot be combined with risk: pc: pc has no destructive contacts, so contact: swept has no effect
     physics.contact: it cannot be combined with compat: upstream: that is the public original's arithmetic, to the bit
     physics.gravity: it cannot be combined with compat: upstream: that is the public original's arithmetic, to the bit
     physics.risk: it cannot be combined with compat: upstream: that is the public original's arithmetic, to the bit

@@ -1,45 +1,40 @@
 //! Replay of the recorded episodes of the public kessler-env.
 
-use std::io::Read;
+use serde_json::{Value, json};
 
-use crate::kessler::recording::{EpisodeRecording, KesslerRecording, compare_episode};
+use crate::kessler::recording::compare_recording;
+use crate::testing::decompress;
 
 /// Largest allowed difference. Differences come from the order of floating-point operations (about 1e-16
 /// relative a step), amplified by orbital shear and by 1/r³ for bodies that dip towards the Earth.
 const REPLAY_TOLERANCE: f64 = 1e-9;
 
-fn recording() -> KesslerRecording {
-    let packed = include_bytes!("../../../fixtures/kessler-episodes.json.gz");
-    let mut text = String::new();
-    flate2::read::GzDecoder::new(&packed[..]).read_to_string(&mut text).unwrap();
-    serde_json::from_str(&text).unwrap()
+fn recording() -> Value {
+    decompress(include_bytes!("../../../fixtures/kessler-episodes.json.gz"))
 }
 
 #[test]
 fn validate_kessler_env_every_recorded_episode_replays() {
-    let recording = recording();
-    assert_eq!(recording.episodes.len(), 30);
-    let mut steps = 0;
-    for (i, episode) in recording.episodes.iter().enumerate() {
-        let differences = compare_episode(episode, REPLAY_TOLERANCE).unwrap();
-        steps += differences.steps;
-        assert_eq!(differences.first_mismatch, None, "episode {i}");
-        assert_eq!(differences.first_beyond, None, "episode {i}: {differences:?}");
-    }
-    assert_eq!(steps, 1361);
+    let comparison = compare_recording(&recording(), REPLAY_TOLERANCE).unwrap();
+    assert_eq!(comparison.first, None);
+    assert_eq!((comparison.episodes, comparison.steps), (30, 1361));
 }
 
 /// The comparison can fail: on a changed reward and on a missing alert.
 #[test]
 fn changed_recording_is_detected() {
-    let mut recording = recording();
-    recording.episodes[4].steps[10].reward += 1e-6;
-    let differences = compare_episode(&recording.episodes[4], REPLAY_TOLERANCE).unwrap();
-    assert_eq!(differences.first_beyond.map(|difference| difference.step), Some(11));
-    let has_alert = |episode: &&mut EpisodeRecording| episode.steps.iter().any(|s| !s.alerts.is_empty());
-    let with_alert = recording.episodes.iter_mut().find(has_alert).unwrap();
-    let index = with_alert.steps.iter().position(|s| !s.alerts.is_empty()).unwrap();
-    with_alert.steps[index].alerts.clear();
-    let differences = compare_episode(with_alert, REPLAY_TOLERANCE).unwrap();
-    assert_eq!(differences.first_mismatch.map(|difference| difference.step), Some(index + 1));
+    let changed = |episode: usize, step: usize, key: &str, value: Value| {
+        let mut recording = recording();
+        recording["episodes"][episode]["steps"][step][key] = value;
+        let first = compare_recording(&recording, REPLAY_TOLERANCE).unwrap().first.unwrap();
+        (first.episode, first.step)
+    };
+    let recorded = recording();
+    let reward = recorded["episodes"][4]["steps"][10]["reward"].as_f64().unwrap();
+    assert_eq!(changed(4, 10, "reward", json!(reward + 1e-6)), (4, 11));
+    let episodes = recorded["episodes"].as_array().unwrap().iter().enumerate();
+    let with_alert =
+        |episode: &Value| episode["steps"].as_array()?.iter().position(|step| step["alerts"] != json!([]));
+    let (episode, step) = episodes.filter_map(|(i, episode)| Some((i, with_alert(episode)?))).next().unwrap();
+    assert_eq!(changed(episode, step, "alerts", json!([])), (episode, step + 1));
 }

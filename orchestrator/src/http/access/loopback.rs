@@ -17,8 +17,8 @@ pub(super) fn check_loopback(headers: &HeaderMap, uri: &Uri) -> Result<(), Probl
     if is_loopback(host) && origin.is_none_or(is_loopback) {
         return Ok(());
     }
-    let detail = "This server has no tokens and speaks to this machine alone: ask it by 127.0.0.1 or localhost, from no other site's \
-        page. `sparring token create` makes tokens.";
+    let detail = "The server has no tokens and accepts only local requests. Use 127.0.0.1 or localhost and no page of another \
+        site, or create a token with `sparring token create`.";
     Err(Problem::new(StatusCode::FORBIDDEN, "loopback_only", detail))
 }
 

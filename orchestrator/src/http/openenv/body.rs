@@ -64,8 +64,7 @@ pub(super) async fn read_body(request: Request) -> Result<Vec<u8>, ErrorResponse
         }
         Ok(bytes)
     };
-    let late =
-        |_| ErrorResponse::new(StatusCode::REQUEST_TIMEOUT, "The body did not come to its end in 20 s.");
+    let late = |_| ErrorResponse::new(StatusCode::REQUEST_TIMEOUT, "The body was not received within 20 s.");
     tokio::time::timeout(BODY_TIMEOUT, read).await.map_err(late)?
 }
 

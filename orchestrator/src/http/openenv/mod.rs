@@ -62,7 +62,7 @@ type Upgrade = Result<WebSocketUpgrade, WebSocketUpgradeRejection>;
 /// Run episodes over a WebSocket in openenv-core's frames: `reset`, `step`, `state`, `close`.
 #[utoipa::path(
     get, path = "/ws", tag = "openenv",
-    responses((status = 101), (status = 404, body = Object, description = "It is not asked for as a WebSocket."))
+    responses((status = 101), (status = 404, body = Object, description = "The request is not a WebSocket upgrade."))
 )]
 async fn connect_environment_session(
     state: State<AppState>,
@@ -79,7 +79,7 @@ async fn connect_environment_session(
 /// Use JSON-RPC over a WebSocket, with a session for each connection.
 #[utoipa::path(
     get, path = "/mcp", tag = "openenv",
-    responses((status = 101), (status = 405, body = Object, description = "It is not asked for as a WebSocket."))
+    responses((status = 101), (status = 405, body = Object, description = "The request is not a WebSocket upgrade."))
 )]
 async fn connect_mcp_session(
     state: State<AppState>,
@@ -100,7 +100,7 @@ async fn connect_mcp_session(
     get, path = "/ws/ui", tag = "openenv",
     responses(
         (status = 101), (status = 400, body = Object),
-        (status = 404, body = Object, description = "It is not asked for as a WebSocket."),
+        (status = 404, body = Object, description = "The request is not a WebSocket upgrade."),
         (status = 503, body = Object)
     )
 )]

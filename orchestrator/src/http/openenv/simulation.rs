@@ -103,7 +103,7 @@ pub(super) async fn begin_episode(
 #[utoipa::path(
     post, path = "/step", tag = "openenv", request_body(content = Object, content_type = "application/json"),
     responses(
-        (status = 200, body = Object), (status = 409, body = Object, description = "Nothing flies, or the episode is over."),
+        (status = 200, body = Object), (status = 409, body = Object, description = "No episode is running, or it is over."),
         (status = 408, body = Object), (status = 413, body = Object), (status = 422, body = Object),
         (status = 429, body = Object), (status = 503, body = Object)
     )

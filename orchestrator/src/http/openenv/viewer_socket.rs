@@ -27,7 +27,7 @@ pub(super) async fn connect(
     let Ok(permit) = app.episode_boards.acquire_viewer(caller.identity.name.as_ref()) else {
         return ErrorResponse::new(
             StatusCode::SERVICE_UNAVAILABLE,
-            "as many look as may; try again in a moment".to_owned(),
+            "The limit of viewers is reached; retry later.".to_owned(),
         )
         .into_response();
     };

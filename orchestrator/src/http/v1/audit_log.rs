@@ -13,7 +13,7 @@ use crate::http::state::AppState;
 /// List changes by API requests, or denied requests (401, 403) with `denied=true`, newest first. Of denied requests the server logs
 /// at most one a second for each address, and ten a second in all. It keeps the newest 100 000 changes and 20 000 denied requests.
 #[utoipa::path(
-    get, path = "/audit", tag = "health", params(AuditLogQuery),
+    get, path = "/audit", tag = "access", params(AuditLogQuery),
     responses((status = 200, body = AuditLogPage), (status = 400, body = Problem), (status = 422, body = Problem))
 )]
 pub(super) async fn list_audit_log(

@@ -56,7 +56,7 @@ fn policy_version<'de, D: serde::Deserializer<'de>>(reader: D) -> Result<Option<
 fn claim_from_status(status: ClaimStatus) -> ColumnClaim {
     let ClaimStatus { claim, lease, audited } = status;
     let LeaseRow { group_size, .. } = lease;
-    let id = LeaseId { number: lease.id, token: lease.token };
+    let id = LeaseId { number: lease.id, suffix: lease.id_suffix };
     let mut audited_groups: Vec<AuditedGroup> = Vec::new();
     for index in audited {
         let group = index / group_size.max(1);

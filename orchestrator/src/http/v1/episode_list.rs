@@ -66,8 +66,8 @@ pub(super) fn compacted_summary(
 
 /// Converts a reported episode of a list.
 pub(super) fn listed_summary(episode: ListedEpisode) -> EpisodeSummary {
-    let ListedEpisode { token, group, row } = episode;
-    let id = EpisodeId { lease: LeaseId { number: row.lease, token }, index: row.number };
+    let ListedEpisode { id_suffix: suffix, group, row } = episode;
+    let id = EpisodeId { lease: LeaseId { number: row.lease, suffix }, index: row.number };
     episode_summary(&id, group, Some(&row), EpisodeState::Finished)
 }
 

@@ -35,9 +35,9 @@ const KEEP_ALIVE: Duration = Duration::from_secs(15);
 /// Largest number of past events that a stream starts with.
 const MAX_PAST_EVENTS: u32 = 1000;
 
-/// Stream the events of a run (Server-Sent Events): `run` (created, changed, paused, resumed, archived), `lease` (taken, renewed, done,
-/// released, expired), `group` (closed), `move` (level move with its evidence), `claim` (of columns), `failures` (new critiques),
-/// `design` (end of a design request) and `health` (warnings for operators). Every event has an id. A client that reconnects with it as
+/// Stream the events of a run (Server-Sent Events): `run` (created, changed, paused, resumed, archived), `lease` (created, renewed,
+/// done, released, expired), `group` (closed), `move` (level move with its evidence), `claim` (of columns), `failures` (new critiques),
+/// `design` (end of a design request) and `warning` (for operators). Every event has an id. A client that reconnects with it as
 /// `Last-Event-ID` misses nothing if at most 10 000 other events happened since; otherwise the first event is `gap`. Without an id the
 /// stream starts with an id without data, from which the client can resume.
 #[utoipa::path(

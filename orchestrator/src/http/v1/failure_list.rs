@@ -76,8 +76,8 @@ fn failure_before(cursor: Option<&str>) -> Result<Option<FailureCursor>, Problem
 }
 
 fn episode_failure(listed: ListedFailure) -> EpisodeFailure {
-    let ListedFailure { key, token, example, .. } = listed;
-    let lease = LeaseId { number: example.lease, token };
+    let ListedFailure { key, id_suffix: suffix, example, .. } = listed;
+    let lease = LeaseId { number: example.lease, suffix };
     EpisodeFailure {
         episode: EpisodeId { lease, index: example.number }.to_string(),
         mode: key.mode,

@@ -96,8 +96,8 @@ async fn failure_profile(
     let collected = CollectedProfile::load(conn, run.as_str(), task.id()).await?;
     let mut examples_by_cell: HashMap<i64, Vec<String>> = HashMap::new();
     for shown in failures::newest_episodes(conn, run.as_str(), task.id(), examples).await? {
-        let CellEpisode { cell, lease: number, token, number: index } = shown;
-        let episode = EpisodeId { lease: LeaseId { number, token }, index }.to_string();
+        let CellEpisode { cell, lease: number, id_suffix: suffix, number: index } = shown;
+        let episode = EpisodeId { lease: LeaseId { number, suffix }, index }.to_string();
         examples_by_cell.entry(cell).or_default().push(episode);
     }
     let modes = failure_modes(task.failure_modes(), &collected, &mut examples_by_cell);

@@ -124,7 +124,7 @@ fn evidence_point(TaskSpan { task, span: s }: TaskSpan) -> EvidencePoint {
 
 /// List the level moves of a run with their evidence, oldest first.
 #[utoipa::path(
-    get, path = "/runs/{run}/mastery/history", tag = "mastery",
+    get, path = "/runs/{run}/level_moves", tag = "mastery",
     params(("run" = String, Path, description = "The run's id."), PageQuery),
     responses(
         (status = 200, body = LevelMovePage), (status = 400, body = Problem), (status = 404, body = Problem),

@@ -1,6 +1,6 @@
 //! Policy that the server runs for a run.
 
-use api_types::{FeedStatus, PolicyFault, PolicyRequest, RunPolicyState};
+use api_types::{FeedStatus, PolicyRequest, RunPolicyError, RunPolicyState};
 use axum::extract::State;
 use store::ids::RunId;
 use store::run_policies::{self, RunPolicy, TokenCounts};
@@ -64,7 +64,7 @@ async fn policy_state(app: &AppState, run: &RunId) -> Result<RunPolicyState, Pro
     let model =
         app.endpoint.as_ref().filter(|_| policy == RunPolicy::Chat).map(|e| e.llm.config().model.clone());
     let last_error = row.as_ref().and_then(|row| {
-        Some(PolicyFault { message: row.error.clone()?, at: rfc3339(row.error_at.unwrap_or_default()) })
+        Some(RunPolicyError { message: row.error.clone()?, at: rfc3339(row.error_at.unwrap_or_default()) })
     });
     let (groups, episodes, failed) =
         row.as_ref().map_or((0, 0, 0), |row| (row.groups, row.episodes, row.failed));

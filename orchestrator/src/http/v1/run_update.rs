@@ -1,6 +1,6 @@
 //! Update of a run's settings.
 
-use api_types::{RunChange, RunSummary};
+use api_types::{RunSummary, RunUpdate};
 use axum::extract::State;
 
 use super::runs::run_from_row;
@@ -14,7 +14,7 @@ use crate::runs::change_run::ChangeRun;
 /// table or physics change. Under another strategy it keeps its mastery, and the strategy starts anew. Results of existing leases
 /// are still accepted.
 #[utoipa::path(
-    patch, path = "/runs/{run}", tag = "runs", request_body = RunChange,
+    patch, path = "/runs/{run}", tag = "runs", request_body = RunUpdate,
     params(("run" = String, Path, description = "The run's id.")),
     responses(
         (status = 200, body = RunSummary), (status = 400, body = Problem), (status = 404, body = Problem),
@@ -26,7 +26,7 @@ pub(super) async fn update_run(
     _: NoQuery,
     State(app): State<AppState>,
     Path(run): Path<String>,
-    Json(change): Json<RunChange>,
+    Json(change): Json<RunUpdate>,
 ) -> Result<axum::Json<RunSummary>, Problem> {
     let row = app.writer.change(ChangeRun { run: parse_run_id(&run)?, change }).await?;
     tracing::info!(run = %row.id, "Run updated.");

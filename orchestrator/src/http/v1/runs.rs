@@ -46,7 +46,7 @@ pub(super) fn run_from_row(row: RunRow) -> Result<RunSummary, Problem> {
 }
 
 fn run_warning(row: RunWarningRow) -> RunWarning {
-    let lease = row.lease.zip(row.token).map(|(number, token)| LeaseId { number, token }.to_string());
+    let lease = row.lease.zip(row.id_suffix).map(|(number, suffix)| LeaseId { number, suffix }.to_string());
     RunWarning { kind: row.kind.convert(), lease, message: row.message, at: rfc3339(row.at) }
 }
 

@@ -8,7 +8,7 @@ use crate::http::problem::Problem;
 
 /// List the strategies with their settings.
 #[utoipa::path(
-    get, path = "/strategies", tag = "tasks",
+    get, path = "/strategies", tag = "curriculum",
     responses((status = 200, body = StrategyList), (status = 400, body = Problem))
 )]
 pub(super) async fn list_strategies(_: NoQuery) -> Result<axum::Json<StrategyList>, Problem> {

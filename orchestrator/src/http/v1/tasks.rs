@@ -14,7 +14,7 @@ use crate::http::problem::Problem;
 
 /// List the tasks with their parameter spaces, levels, actions, policies and failure modes.
 #[utoipa::path(
-    get, path = "/tasks", tag = "scenarios",
+    get, path = "/tasks", tag = "tasks",
     responses((status = 200, body = TaskList), (status = 400, body = Problem, description = "The request has a query."))
 )]
 pub(super) async fn list_tasks(_: NoQuery) -> Result<axum::Json<TaskList>, Problem> {

@@ -142,7 +142,7 @@ pub(crate) async fn abandon(tx: &mut WriteTx, lease: &LeaseRow) -> Result<(), Se
                 Settlement { claim: &claim, state: ClaimState::Unproven, reason: None, audited },
             )?;
             // A trainer that withholds audited logs leaves as plain a trace as one whose logs contradict its claim.
-            let message = format!("of what lease {} claims, logs that were due did not come", lease.name());
+            let message = format!("lease {} ended before all audited logs were reported", lease.name());
             warn(tx, lease, WarningKind::UnprovenClaim, &message).await
         }
         Some(_) => Ok(()),

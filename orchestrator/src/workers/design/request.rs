@@ -55,7 +55,8 @@ impl DesignContext {
                 Err(error) => {
                     tracing::error!(run, ask = id, error = %error, "The result of a design request cannot be stored.");
                     finish.made.clear();
-                    finish.error = Some("what was designed could not be stored; the log says why".to_owned());
+                    finish.error =
+                        Some("the design result could not be stored; see the server's log".to_owned());
                     tokio::time::sleep(STORE_RETRY_PAUSE).await;
                 }
             }
@@ -93,7 +94,7 @@ impl DesignContext {
         if request.designer == DesignerKind::Llm {
             let wanted = brief.count;
             finish.warnings.push(format!(
-                "{admitted} of {wanted} were let through; the procedural designer does the rest"
+                "{admitted} of {wanted} layouts were admitted; the procedural designer makes the others"
             ));
         }
         brief.count = missing;

@@ -126,7 +126,7 @@ const INVALID_PATHS: [&str; 18] = [
     "/v1/runs/run/designs/layout-7",
     "/v1/runs/run/designs/requests?state=admitted",
     "/v1/runs/run/designs/requests/ask-7",
-    "/v1/runs/run/designs/summary?task=x",
+    "/v1/runs/run/designs/statistics?task=x",
     "/v1/layouts?state=refused",
     "/v1/layouts?task=kessler/golf",
     "/v1/layouts?task=kessler/survival&aim=boredom",

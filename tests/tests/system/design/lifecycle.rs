@@ -14,7 +14,7 @@ use super::{TASK, create, design_summary, report_losses, wait_for_critiques, wai
 
 /// Waits until at least `layouts` layouts are active and no design request is open.
 async fn wait_for_stock(api: &ApiClient, layouts: u64) {
-    wait_for_response(api, "/v1/runs/run/designs/summary", |summary| {
+    wait_for_response(api, "/v1/runs/run/designs/statistics", |summary| {
         summary["tasks"][0]["active"].as_u64() >= Some(layouts)
     })
     .await;
@@ -105,7 +105,7 @@ async fn assert_layouts_are_published(api: &ApiClient, stock: &[String]) {
         let checked = api.post("/v1/scenarios", json!({"scenario": layout["scenario"]})).await.expect(200);
         assert_eq!(checked["scenario_id"], layout["scenario_id"]);
         assert_eq!((&checked["fair"], &checked["solvable"]), (&json!(true), &json!(true)));
-        assert_eq!(checked["contested"], layout["claim"] == "threat");
+        assert_eq!(checked["contested"], layout["kind"] == "threat");
         assert_eq!(checked["bracket"], layout["bracket"]);
         assert_eq!(layout["reference_outcome"]["score"], layout["bracket"]["reference"]);
         let design = api.get(&format!("/v1/runs/run/designs/{id}")).await.expect(200);
@@ -199,7 +199,7 @@ async fn designed_groups_are_evidence_only_if_enabled() {
         let stock = stock["designs"].as_array().unwrap().iter().map(|design| (design, &design["results"]));
         let served: Vec<_> = stock.filter(|(_, results)| results["episodes"].as_u64() > Some(0)).collect();
         assert_eq!(served.iter().map(|(_, results)| results["episodes"].as_u64().unwrap()).sum::<u64>(), 20);
-        for (design, results) in served.iter().filter(|(design, _)| design["claim"] == "threat") {
+        for (design, results) in served.iter().filter(|(design, _)| design["kind"] == "threat") {
             assert_eq!(results["as_aimed"], 1.0, "a holding policy fails as the layout aims: {design}");
         }
         let listed = api.get("/v1/runs/run/episodes?limit=500").await.expect(200);
@@ -293,11 +293,11 @@ async fn mastered_layout_retires_and_returns_if_forgotten() {
     for (layout, probes) in served.iter().zip(&probes) {
         assert_eq!(layout.as_ref() == Some(&first), *probes, "{served:?}");
     }
-    assert_eq!(layout["claim"], "threat", "a holding policy fails it");
+    assert_eq!(layout["kind"], "threat", "a holding policy fails it");
     api.report("run", lease.results("hold")).await;
     let shown = api.get(&format!("/v1/runs/run/designs/{first}")).await.expect(200);
     assert_eq!(shown["state"], "active", "{shown}");
-    assert!(shown["transitions"][2]["reason"].as_str().unwrap().contains("forgotten"), "{shown}");
+    assert!(shown["transitions"][2]["reason"].as_str().unwrap().contains("success fell to"), "{shown}");
 }
 
 #[tokio::test]
@@ -355,7 +355,7 @@ async fn nothing_is_designed_if_designs_are_off() {
     for id in ["none", "off", "docks"] {
         let page = api.get(&format!("/v1/runs/{id}/designs/requests")).await.expect(200);
         assert_eq!(page["requests"], json!([]), "{id}");
-        let summary = api.get(&format!("/v1/runs/{id}/designs/summary")).await.expect(200);
+        let summary = api.get(&format!("/v1/runs/{id}/designs/statistics")).await.expect(200);
         assert_eq!(summary["designed_groups"], 0);
     }
     let lease = api.lease("none", json!({"groups": 24})).await;

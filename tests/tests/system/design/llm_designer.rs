@@ -45,7 +45,7 @@ async fn start_server(model: &MockServer) -> Server {
 async fn all_responses_and_files(api: &ApiClient, server: &Server) -> Vec<u8> {
     let mut bytes_read = Vec::new();
     for path in
-        ["designs", "designs/summary", "designs/requests", "failure_profiles", "episodes", "leases", ""]
+        ["designs", "designs/statistics", "designs/requests", "failure_profiles", "episodes", "leases", ""]
     {
         let path = format!("/v1/runs/run/{path}");
         bytes_read.extend(api.get(path.trim_end_matches('/')).await.expect(200).to_string().into_bytes());

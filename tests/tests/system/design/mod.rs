@@ -39,5 +39,5 @@ pub(crate) async fn wait_for_critiques(api: &ApiClient) -> Value {
 }
 
 pub(crate) async fn design_summary(api: &ApiClient) -> Value {
-    api.get("/v1/runs/run/designs/summary").await.expect(200)
+    api.get("/v1/runs/run/designs/statistics").await.expect(200)
 }

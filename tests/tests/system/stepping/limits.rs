@@ -1,4 +1,4 @@
-//! SessionLimits of sessions: frame size, number of sessions, idle time and connections that never open a session.
+//! Limits of sessions: frame size, number of sessions, idle time and connections that never open a session.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;

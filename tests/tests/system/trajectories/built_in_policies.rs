@@ -50,7 +50,7 @@ async fn server_rollouts_replay_and_count_for_mastery() {
         }
         seen.extend(ids(&groups));
         ack(&api, "run", &ids(&groups)).await;
-        let history = api.get("/v1/runs/run/mastery/history").await.expect(200);
+        let history = api.get("/v1/runs/run/level_moves").await.expect(200);
         if !history["moves"].as_array().unwrap().is_empty() {
             break history;
         }

@@ -11,6 +11,7 @@ pub(crate) mod spec;
 
 use std::collections::BTreeMap;
 
+use env_core::text::{MAX_QUOTED_CHARS, shorten};
 use serde_json::Value;
 
 pub use self::spec::{Hyperparameter, ValueRange};
@@ -48,7 +49,7 @@ impl Hyperparameters {
     pub fn parse(strategy: StrategyKind, given: &BTreeMap<String, Value>) -> Result<Self, SettingsError> {
         let mut parsed = Self::defaults(strategy);
         for (name, value) in given {
-            let field = || format!("strategy_settings.{}", name.chars().take(60).collect::<String>());
+            let field = || format!("strategy_settings.{}", shorten(name, MAX_QUOTED_CHARS));
             let Some(at) = parsed.specs.iter().position(|spec| spec.name == name) else {
                 let known: Vec<&str> = parsed.specs.iter().map(|spec| spec.name).collect();
                 let reason = match known.is_empty() {

@@ -1,5 +1,6 @@
 //! Declaration of one hyperparameter: its name, range, default and source.
 
+use env_core::text::{MAX_QUOTED_CHARS, shorten};
 use serde_json::Value;
 
 /// Hyperparameter of a strategy.
@@ -56,7 +57,7 @@ impl ValueRange {
     /// Returns the end of a sentence ("is 2, but must be …") if the value is of another type or outside the range.
     pub(crate) fn parse(self, value: &Value) -> Result<f64, String> {
         let wanted = self.expectation();
-        let shown: String = value.to_string().chars().take(60).collect();
+        let shown = shorten(&value.to_string(), MAX_QUOTED_CHARS);
         let wrong = || format!("is {shown}, but must be {wanted}");
         match self {
             Self::Number { min, max, .. } => {

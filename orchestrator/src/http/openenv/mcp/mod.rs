@@ -87,9 +87,7 @@ async fn create_session(
         RpcOrigin::Connection(own) => {
             let is_running = own.view().is_ok_and(|view| !view.done);
             if is_running && !params.is_empty() {
-                return Err(RpcError::params(
-                    "an episode flies in this session; it is flown to its end first",
-                ));
+                return Err(RpcError::params("an episode is running in this session; finish it first"));
             }
             if !is_running {
                 begin_episode(own, params).await?;

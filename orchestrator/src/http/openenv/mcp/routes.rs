@@ -17,7 +17,7 @@ use crate::sessions::ClientIdentity;
 
 /// Send a JSON-RPC request of the Model Context Protocol: `tools/list`, `tools/call`, `openenv/session/create` and `close`.
 #[utoipa::path(
-    post, path = "/mcp", tag = "openenv", request_body(content = Option<Object>, content_type = "application/json", description = "Left out, it is what cannot be read: JSON-RPC's -32700."),
+    post, path = "/mcp", tag = "openenv", request_body(content = Option<Object>, content_type = "application/json", description = "An empty body is a parse error (-32700)."),
     responses(
         (status = 200, body = Object, description = "JSON-RPC: an error is in the body."),
         (status = 408, body = Object), (status = 413, body = Object)

@@ -56,8 +56,8 @@ pub(in crate::http::v1) async fn get_design(
             })
             .collect(),
         episodes: episodes
-            .map(|LayoutEpisode { lease: number, token, number: index }| {
-                EpisodeId { lease: LeaseId { number, token }, index }.to_string()
+            .map(|LayoutEpisode { lease: number, id_suffix: suffix, number: index }| {
+                EpisodeId { lease: LeaseId { number, suffix }, index }.to_string()
             })
             .collect(),
     }))

@@ -19,7 +19,7 @@ use crate::runs::settings::RunSettings;
 
 /// Get the numbers of a run's designs: by state, by check of the gate, and their share of training.
 #[utoipa::path(
-    get, path = "/runs/{run}/designs/summary", tag = "designs",
+    get, path = "/runs/{run}/designs/statistics", tag = "designs",
     params(("run" = String, Path, description = "The run's id.")),
     responses((status = 200, body = DesignStatistics), (status = 400, body = Problem), (status = 404, body = Problem))
 )]

@@ -36,7 +36,7 @@ pub(in crate::http::v1) fn design_summary(row: &LayoutRow) -> Result<DesignSumma
         designer: designer.convert(),
         round: row.round,
         aim,
-        claim: row.claim.map(ConvertEnum::convert),
+        kind: row.kind.map(ConvertEnum::convert),
         state: row.state.convert(),
         state_reason: row.retirement_reason.map(|why| why.to_string()).or_else(|| row.gate_check.clone()),
         refusal_reason: row.refusal_reason.clone(),
@@ -82,7 +82,7 @@ pub(in crate::http::v1) fn design_json(row: &LayoutRow) -> Result<Option<Value>,
 pub(super) fn request_summary(row: DesignRequestRow) -> Result<DesignRequestSummary, Problem> {
     Ok(DesignRequestSummary {
         id: DesignRequestId(row.id).to_string(),
-        warnings: from_json("the warnings of a design request", &row.errors)?,
+        warnings: from_json("the warnings of a design request", &row.warnings)?,
         task: row.task,
         level: row.level,
         designer: row.designer.convert(),

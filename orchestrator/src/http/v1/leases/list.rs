@@ -30,7 +30,7 @@ pub(in crate::http::v1) async fn list_leases(
     let mut conn = acquire_run_reader(&app, &run).await?;
     let after = PageCursor::parse(page.cursor.as_deref())?.unwrap_or_default().number;
     let mut rows = leases::page(&mut conn, run.as_str(), after, limit).await?;
-    rows.extend(compacted_leases::heads(&mut conn, run.as_str(), after.saturating_add(1), limit).await?);
+    rows.extend(compacted_leases::lease_rows(&mut conn, run.as_str(), after.saturating_add(1), limit).await?);
     rows.sort_by_key(|row| row.id);
     rows.dedup_by_key(|row| row.id); // a compacted lease can still have groups
     rows.truncate(usize::try_from(limit).unwrap_or_default());

@@ -20,7 +20,7 @@ use crate::leases::scenario_cache::ScenarioCache;
 /// Converts the row of a lease, without its groups.
 pub(super) fn lease_summary(row: LeaseRow) -> LeaseSummary {
     LeaseSummary {
-        lease: LeaseId { number: row.id, token: row.token }.to_string(),
+        lease: LeaseId { number: row.id, suffix: row.id_suffix }.to_string(),
         purpose: row.purpose.convert(),
         form: row.form.convert(),
         status: row.status.convert(),
