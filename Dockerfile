@@ -4,14 +4,14 @@ FROM rust:1.95-slim-trixie AS build
 WORKDIR /src
 COPY . .
 ENV SQLX_OFFLINE=true
-RUN cargo build --release --locked -p cli --bin sparring
+RUN scripts/dist
 
 FROM debian:trixie-slim
 RUN apt-get update \
     && apt-get install -y --no-install-recommends ca-certificates curl \
     && rm -rf /var/lib/apt/lists/* \
     && useradd --create-home --uid 1000 sparring
-COPY --from=build /src/target/release/sparring /usr/local/bin/sparring
+COPY --from=build /src/target/dist/sparring /usr/local/bin/sparring
 USER sparring
 WORKDIR /home/sparring
 EXPOSE 8000

@@ -12,9 +12,10 @@ help: ## List the targets
 	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
 
 demo: check-cargo ## Train a built-in learner with the curriculum: about 45 s on two cores, after the build
-	@# The dashboard shows the results. Without Node it is not built, and its page says so.
-	@if node -e '$(NODE_CHECK)' 2>/dev/null; then $(MAKE) --no-print-directory dashboard; fi
-	cargo run --release --locked -p cli --bin sparring -- demo
+	@# The dashboard shows the results; it is built meanwhile. Without Node it is not built, and its page says so.
+	@if node -e '$(NODE_CHECK)' 2>/dev/null; then $(MAKE) --no-print-directory dashboard; fi & dashboard=$$!; \
+		cargo build --locked -p cli --bin sparring && wait $$dashboard || { kill $$dashboard 2>/dev/null; exit 1; }
+	cargo run --locked -p cli --bin sparring -- demo
 
 dashboard: check-node ## Build the dashboard, which the next build of the binary includes
 	cd dashboard && npm ci --no-audit --no-fund --loglevel=error && npm run build
@@ -22,8 +23,8 @@ dashboard: check-node ## Build the dashboard, which the next build of the binary
 wheel: check-cargo check-python ## Build two wheels in target/wheels: sparring (environments) and sparring-server (the program)
 	scripts/python-venv
 	@if node -e '$(NODE_CHECK)' 2>/dev/null; then $(MAKE) --no-print-directory dashboard; fi
-	cd python && ../target/python-venv/bin/maturin build --release --strip --locked --out ../target/wheels
-	cd python/server && SQLX_OFFLINE=true ../../target/python-venv/bin/maturin build --release --strip --locked --out ../../target/wheels
+	cd python && ../target/python-venv/bin/maturin build --profile dist --strip --locked --out ../target/wheels
+	cd python/server && SQLX_OFFLINE=true ../../target/python-venv/bin/maturin build --profile dist --strip --locked --out ../../target/wheels
 
 # A build from scratch takes less time and disk without the files for incremental compilation.
 test test-python test-trainers test-heavy: export CARGO_INCREMENTAL ?= 0
@@ -75,8 +76,8 @@ test-llm: check-cargo check-python ## Test the designer with a small language mo
 	scripts/test-llm $(MODEL)
 
 bench: check-cargo ## Run the benchmarks: measured value, goal and ratio (on an idle machine)
-	cargo build --release --locked -p cli -p bench
-	cargo run --release --locked -p bench
+	cargo build --profile dist --locked -p cli -p bench
+	cargo run --profile dist --locked -p bench
 
 soak: check-cargo ## Run the crash test: kill a server under load for two hours (MINUTES=120), then look for lost results
 	cargo build --release --locked -p cli -p bench
@@ -84,14 +85,14 @@ soak: check-cargo ## Run the crash test: kill a server under load for two hours 
 
 bench-peers: check-cargo check-python ## Compare the speed with openenv-core's server and the public environment (KESSLER_ENV=PATH)
 	scripts/openenv-venv
-	cargo build --release --locked -p cli -p bench
-	target/openenv-venv/bin/python bench/peers.py --sparring target/release/sparring --bench target/release/bench \
+	cargo build --profile dist --locked -p cli -p bench
+	target/openenv-venv/bin/python bench/peers.py --sparring target/dist/sparring --bench target/dist/bench \
 		--kessler-env "$(KESSLER_ENV)"
 
 bench-python: wheel ## Measure stepping from Python, and the cost of a curriculum (KESSLER_ENV=PATH as for bench-peers)
-	cargo build --release --locked -p cli
+	cargo build --profile dist --locked -p cli
 	scripts/bench-venv
-	target/bench-venv/bin/python bench/python.py --sparring target/release/sparring --kessler-env "$(KESSLER_ENV)"
+	target/bench-venv/bin/python bench/python.py --sparring target/dist/sparring --kessler-env "$(KESSLER_ENV)"
 
 test-otlp: check-cargo check-python ## Test that spans reach an OpenTelemetry collector (feature otlp)
 	scripts/test-otlp

@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use crate::clock::Clock;
-use crate::engine::error::ServiceError;
 use crate::engine::shift_deadlines::ShiftDeadlines;
 use crate::engine::writer::Writer;
+use crate::workers::round_error::ends_worker;
 
 /// Interval between two checks.
 const POLL_INTERVAL: Duration = Duration::from_millis(500);
@@ -19,10 +19,10 @@ pub async fn run(clock: Clock, writer: Writer) {
                 Ok(Some(by_ms)) => {
                     tracing::warn!(by_ms, "The clock jumped; the deadlines of leases were shifted.");
                 }
-                Err(ServiceError::Stopping) => return,
-                Err(error) => {
-                    tracing::error!(error = %error, "The clock jumped, and deadlines could not be shifted; trying again.");
+                Err(error) if ends_worker(&error, "the clock jumped, and deadlines could not be shifted") => {
+                    return;
                 }
+                Err(_) => {}
             }
         }
         tokio::time::sleep(POLL_INTERVAL).await;

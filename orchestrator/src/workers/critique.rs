@@ -17,6 +17,7 @@ use crate::critiques::store_critiques::StoreCritiques;
 use crate::engine::error::ServiceError;
 use crate::engine::writer::Writer;
 use crate::metrics;
+use crate::workers::round_error::ends_worker;
 
 /// Maximum number of jobs in a batch.
 const BATCH_JOBS: i64 = 64;
@@ -46,13 +47,8 @@ impl CritiqueWorker {
                     let _ = tokio::time::timeout(PAUSE, self.wake.notified()).await;
                 }
                 Ok(_) => {}
-                Err(ServiceError::Stopping) => return,
-                // The clients that fill the queue of changes come first.
-                Err(ServiceError::Busy) => tokio::time::sleep(PAUSE).await,
-                Err(error) => {
-                    tracing::error!(error = %error, "Episodes could not be criticised; trying again soon.");
-                    tokio::time::sleep(PAUSE).await;
-                }
+                Err(error) if ends_worker(&error, "episodes could not be criticised") => return,
+                Err(_) => tokio::time::sleep(PAUSE).await,
             }
         }
     }

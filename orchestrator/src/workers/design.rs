@@ -20,6 +20,7 @@ use crate::designs::start_design::StartDesignRequest;
 use crate::designs::{Designers, demand};
 use crate::engine::error::ServiceError;
 use crate::engine::writer::Writer;
+use crate::workers::round_error::ends_worker;
 
 /// Interval between two checks whether a request is due.
 const POLL_INTERVAL: Duration = Duration::from_secs(1);
@@ -81,12 +82,8 @@ impl DesignWorker {
         loop {
             match self.start_requests(&context, &mut active).await {
                 Ok(()) => {}
-                Err(ServiceError::Stopping) => return,
-                Err(ServiceError::Busy) => tokio::time::sleep(ERROR_PAUSE).await,
-                Err(error) => {
-                    tracing::error!(error = %error, "Design requests could not be started; trying again soon.");
-                    tokio::time::sleep(ERROR_PAUSE).await;
-                }
+                Err(error) if ends_worker(&error, "design requests could not be started") => return,
+                Err(_) => tokio::time::sleep(ERROR_PAUSE).await,
             }
             tokio::select! {
                 Some(ended) = active.jobs.join_next_with_id() => active.remove(ended),

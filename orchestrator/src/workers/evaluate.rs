@@ -14,6 +14,7 @@ use crate::evaluation::read::suite_of;
 use crate::evaluation::store_results::StoreSuiteResults;
 use crate::evaluation::suite_rollout::{SuiteRolloutSettings, roll_out_policy};
 use crate::metrics;
+use crate::workers::round_error::ends_worker;
 
 /// Interval between two checks for an evaluation.
 const POLL_INTERVAL: Duration = Duration::from_millis(500);
@@ -23,11 +24,9 @@ pub async fn run(readers: SqlitePool, writer: Writer, pool: Arc<rayon::ThreadPoo
     loop {
         match evaluate_oldest(&readers, &writer, &pool).await {
             Ok(true) => continue,
-            Ok(false) | Err(ServiceError::Busy) => {}
-            Err(ServiceError::Stopping) => return,
-            Err(error) => {
-                tracing::error!(error = %error, "An evaluation could not be rolled out; trying again soon.");
-            }
+            Ok(false) => {}
+            Err(error) if ends_worker(&error, "an evaluation could not be rolled out") => return,
+            Err(_) => {}
         }
         tokio::time::sleep(POLL_INTERVAL).await;
     }

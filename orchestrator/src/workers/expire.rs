@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use crate::engine::error::ServiceError;
 use crate::engine::writer::Writer;
 use crate::leases::end::ExpireLeases;
+use crate::workers::round_error::ends_worker;
 
 /// Interval between two checks.
 const POLL_INTERVAL: Duration = Duration::from_millis(500);
@@ -18,8 +18,8 @@ pub async fn run(writer: Writer) {
                 tracing::info!(expired, "Leases expired; scenarios of lost groups return to the queue.");
                 continue; // one change expires a limited number of leases
             }
-            Err(ServiceError::Stopping) => return,
-            Err(error) => tracing::error!(error = %error, "Leases could not be expired; trying again soon."),
+            Err(error) if ends_worker(&error, "leases could not be expired") => return,
+            Err(_) => {}
         }
         tokio::time::sleep(POLL_INTERVAL).await;
     }

@@ -13,3 +13,4 @@ pub mod prepare;
 pub mod retention;
 pub mod revoke_connections;
 pub mod rollout;
+mod round_error;

@@ -22,6 +22,7 @@ use crate::leases::prepare::{
 use crate::leases::scenario_cache::ScenarioCache;
 use crate::metrics;
 use crate::runs::settings::RunSettings;
+use crate::workers::round_error::ends_worker;
 use curriculum::Proposal;
 
 /// Maximum number of proposals that are prepared concurrently, of all runs together. It exceeds the number of cores: a scenario that
@@ -102,11 +103,8 @@ impl PrepareWorker {
         loop {
             match self.run_once(&mut active).await {
                 Ok(()) => {}
-                Err(ServiceError::Stopping) => return,
-                Err(error) => {
-                    tracing::error!(error = %error, "Scenarios could not be prepared; trying again soon.");
-                    tokio::time::sleep(PAUSE).await;
-                }
+                Err(error) if ends_worker(&error, "scenarios could not be prepared") => return,
+                Err(_) => tokio::time::sleep(PAUSE).await,
             }
         }
     }

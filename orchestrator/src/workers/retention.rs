@@ -14,6 +14,7 @@ use crate::retention::collect_garbage::CollectGarbage;
 use crate::retention::compact_leases::{CompactLeases, CompactionGoal};
 use crate::retention::delete_old_minutes::DeleteOldMinutes;
 use crate::runs::settings::RunSettings;
+use crate::workers::round_error::ends_worker;
 
 /// Interval between two checks.
 const POLL_INTERVAL: Duration = Duration::from_secs(2);
@@ -38,12 +39,8 @@ pub async fn run(readers: SqlitePool, writer: Writer) {
         match worker.run_round().await {
             Ok(true) => continue, // more is left
             Ok(false) => {}
-            Err(ServiceError::Stopping) => return,
-            // The queue of changes is full: other changes come first.
-            Err(ServiceError::Busy) => {}
-            Err(error) => {
-                tracing::error!(error = %error, "Old leases could not be compacted; trying again soon.");
-            }
+            Err(error) if ends_worker(&error, "old leases could not be compacted") => return,
+            Err(_) => {}
         }
         tokio::time::sleep(POLL_INTERVAL).await;
     }

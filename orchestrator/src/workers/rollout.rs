@@ -26,6 +26,7 @@ use crate::rollouts::rollout_lease::ReturnAbandonedLeases;
 use crate::rollouts::settings::SetPolicyError;
 use crate::rollouts::settings::settings_from_row;
 use crate::runs::settings::RunSettings;
+use crate::workers::round_error::ends_worker;
 
 /// Interval between two checks whether a group may start, if no signal arrives.
 const POLL_INTERVAL: Duration = Duration::from_secs(1);
@@ -86,12 +87,8 @@ impl RolloutWorker {
         loop {
             match self.start_due(&mut active, &mut has_recovered).await {
                 Ok(()) => {}
-                Err(ServiceError::Stopping) => return,
-                Err(ServiceError::Busy) => tokio::time::sleep(ERROR_PAUSE).await,
-                Err(error) => {
-                    tracing::error!(error = %error, "Policies could not be rolled out; trying again soon.");
-                    tokio::time::sleep(ERROR_PAUSE).await;
-                }
+                Err(error) if ends_worker(&error, "policies could not be rolled out") => return,
+                Err(_) => tokio::time::sleep(ERROR_PAUSE).await,
             }
             tokio::select! {
                 Some(ended) = active.jobs.join_next_with_id() => active.remove(ended),

@@ -28,6 +28,42 @@ def _segment(text: str) -> str:
     return quote(text, safe="")
 
 
+class Access:
+    """Log of the requests that changed something, and of refused ones."""
+
+    def __init__(self, send: Send) -> None:
+        self._send = send
+
+    def list_audit_log(
+        self, *, denied: bool | None = None, limit: int | None = None, cursor: str | None = None
+    ) -> types.AuditLogPage:
+        """List changes by API requests, or denied requests (401, 403) with `denied=true`, newest first. Of denied requests the
+        server logs at most one a second for each address, and ten a second in all. It keeps the newest 100 000 changes and
+        20 000 denied requests.
+
+        Args:
+            denied: True for denied requests, false for changes (default false).
+            limit: Largest number of entries on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
+        """
+        response: types.AuditLogPage = self._send(
+            "GET", "/v1/audit", {"denied": denied, "limit": limit, "cursor": cursor}, None, is_repeatable=True
+        )
+        return response
+
+
+class Curriculum:
+    """Strategies of the curriculum, and their settings."""
+
+    def __init__(self, send: Send) -> None:
+        self._send = send
+
+    def list_strategies(self) -> types.StrategyList:
+        """List the strategies with their settings."""
+        response: types.StrategyList = self._send("GET", "/v1/strategies", {}, None, is_repeatable=True)
+        return response
+
+
 class Designs:
     """Layouts that are designed for the agent's failures, and requests for more."""
 
@@ -136,7 +172,7 @@ class Designs:
     def get_design_statistics(self, run: str) -> types.DesignStatistics:
         """Get the numbers of a run's designs: by state, by check of the gate, and their share of training."""
         response: types.DesignStatistics = self._send(
-            "GET", f"/v1/runs/{_segment(run)}/designs/summary", {}, None, is_repeatable=True
+            "GET", f"/v1/runs/{_segment(run)}/designs/statistics", {}, None, is_repeatable=True
         )
         return response
 
@@ -399,30 +435,6 @@ class Failures:
         return response
 
 
-class Health:
-    """Liveness, readiness and metrics of the server."""
-
-    def __init__(self, send: Send) -> None:
-        self._send = send
-
-    def list_audit_log(
-        self, *, denied: bool | None = None, limit: int | None = None, cursor: str | None = None
-    ) -> types.AuditLogPage:
-        """List changes by API requests, or denied requests (401, 403) with `denied=true`, newest first. Of denied requests the
-        server logs at most one a second for each address, and ten a second in all. It keeps the newest 100 000 changes and
-        20 000 denied requests.
-
-        Args:
-            denied: True for denied requests, false for changes (default false).
-            limit: Largest number of entries on a page, from 1 to 500 (default 50).
-            cursor: Field `next` of the previous page.
-        """
-        response: types.AuditLogPage = self._send(
-            "GET", "/v1/audit", {"denied": denied, "limit": limit, "cursor": cursor}, None, is_repeatable=True
-        )
-        return response
-
-
 class Leases:
     """Groups of scenarios that a trainer holds for a limited time."""
 
@@ -458,7 +470,9 @@ class Leases:
         return response
 
     def release(self, run: str, lease: str) -> types.LeaseSummary:
-        """Release a lease. Its unreported scenarios are offered again. A release of an ended lease changes nothing."""
+        """Release a lease. Scenarios of groups with too few finished episodes return to the queue. A release of an ended lease
+        changes nothing.
+        """
         response: types.LeaseSummary = self._send(
             "POST", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}/release", {}, None, is_repeatable=True
         )
@@ -478,11 +492,6 @@ class Mastery:
     def __init__(self, send: Send) -> None:
         self._send = send
 
-    def get(self, run: str) -> types.RunMastery:
-        """Get the current mastery of all tasks."""
-        response: types.RunMastery = self._send("GET", f"/v1/runs/{_segment(run)}/mastery", {}, None, is_repeatable=True)
-        return response
-
     def list_level_moves(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.LevelMovePage:
         """List the level moves of a run with their evidence, oldest first.
 
@@ -491,8 +500,13 @@ class Mastery:
             cursor: Field `next` of the previous page.
         """
         response: types.LevelMovePage = self._send(
-            "GET", f"/v1/runs/{_segment(run)}/mastery/history", {"limit": limit, "cursor": cursor}, None, is_repeatable=True
+            "GET", f"/v1/runs/{_segment(run)}/level_moves", {"limit": limit, "cursor": cursor}, None, is_repeatable=True
         )
+        return response
+
+    def get(self, run: str) -> types.RunMastery:
+        """Get the current mastery of all tasks."""
+        response: types.RunMastery = self._send("GET", f"/v1/runs/{_segment(run)}/mastery", {}, None, is_repeatable=True)
         return response
 
     def get_params(self, run: str) -> types.RunParams:
@@ -584,7 +598,7 @@ class Runs:
         response: types.Run = self._send("GET", f"/v1/runs/{_segment(run)}", {}, None, is_repeatable=True)
         return response
 
-    def update(self, run: str, **body: Unpack[types.RunChange]) -> types.RunSummary:
+    def update(self, run: str, **body: Unpack[types.RunUpdate]) -> types.RunSummary:
         """Update the settings of a run. Fields that are left out keep their values. A task keeps its level and mastery unless
         its level table or physics change. Under another strategy it keeps its mastery, and the strategy starts anew.
         Results of existing leases are still accepted.
@@ -664,7 +678,7 @@ class Runs:
 
 
 class Scenarios:
-    """Tasks, and scenarios by hand: check, bracket and replay."""
+    """Scenarios by hand: create, evaluate and roll out."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
@@ -681,21 +695,16 @@ class Scenarios:
         response: types.ScenarioCheck = self._send("POST", "/v1/scenarios", {}, body, is_repeatable=True)
         return response
 
-    def list_tasks(self) -> types.TaskList:
-        """List the tasks with their parameter spaces, levels, actions, policies and failure modes."""
-        response: types.TaskList = self._send("GET", "/v1/tasks", {}, None, is_repeatable=True)
-        return response
-
 
 class Tasks:
-    """Strategies of the curriculum, and their settings."""
+    """Tasks of the worlds, with their levels and spaces."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
 
-    def list_strategies(self) -> types.StrategyList:
-        """List the strategies with their settings."""
-        response: types.StrategyList = self._send("GET", "/v1/strategies", {}, None, is_repeatable=True)
+    def list(self) -> types.TaskList:
+        """List the tasks with their parameter spaces, levels, actions, policies and failure modes."""
+        response: types.TaskList = self._send("GET", "/v1/tasks", {}, None, is_repeatable=True)
         return response
 
 
@@ -755,11 +764,12 @@ class Operations:
     """All operations of /v1, grouped by resource."""
 
     def _bind(self, send: Send) -> None:
+        self.access = Access(send)
+        self.curriculum = Curriculum(send)
         self.designs = Designs(send)
         self.episodes = Episodes(send)
         self.evaluations = Evaluations(send)
         self.failures = Failures(send)
-        self.health = Health(send)
         self.leases = Leases(send)
         self.mastery = Mastery(send)
         self.results = Results(send)
@@ -767,6 +777,42 @@ class Operations:
         self.scenarios = Scenarios(send)
         self.tasks = Tasks(send)
         self.trajectories = Trajectories(send)
+
+
+class AsyncAccess:
+    """Log of the requests that changed something, and of refused ones."""
+
+    def __init__(self, send: AsyncSend) -> None:
+        self._send = send
+
+    async def list_audit_log(
+        self, *, denied: bool | None = None, limit: int | None = None, cursor: str | None = None
+    ) -> types.AuditLogPage:
+        """List changes by API requests, or denied requests (401, 403) with `denied=true`, newest first. Of denied requests the
+        server logs at most one a second for each address, and ten a second in all. It keeps the newest 100 000 changes and
+        20 000 denied requests.
+
+        Args:
+            denied: True for denied requests, false for changes (default false).
+            limit: Largest number of entries on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
+        """
+        response: types.AuditLogPage = await self._send(
+            "GET", "/v1/audit", {"denied": denied, "limit": limit, "cursor": cursor}, None, is_repeatable=True
+        )
+        return response
+
+
+class AsyncCurriculum:
+    """Strategies of the curriculum, and their settings."""
+
+    def __init__(self, send: AsyncSend) -> None:
+        self._send = send
+
+    async def list_strategies(self) -> types.StrategyList:
+        """List the strategies with their settings."""
+        response: types.StrategyList = await self._send("GET", "/v1/strategies", {}, None, is_repeatable=True)
+        return response
 
 
 class AsyncDesigns:
@@ -877,7 +923,7 @@ class AsyncDesigns:
     async def get_design_statistics(self, run: str) -> types.DesignStatistics:
         """Get the numbers of a run's designs: by state, by check of the gate, and their share of training."""
         response: types.DesignStatistics = await self._send(
-            "GET", f"/v1/runs/{_segment(run)}/designs/summary", {}, None, is_repeatable=True
+            "GET", f"/v1/runs/{_segment(run)}/designs/statistics", {}, None, is_repeatable=True
         )
         return response
 
@@ -1146,30 +1192,6 @@ class AsyncFailures:
         return response
 
 
-class AsyncHealth:
-    """Liveness, readiness and metrics of the server."""
-
-    def __init__(self, send: AsyncSend) -> None:
-        self._send = send
-
-    async def list_audit_log(
-        self, *, denied: bool | None = None, limit: int | None = None, cursor: str | None = None
-    ) -> types.AuditLogPage:
-        """List changes by API requests, or denied requests (401, 403) with `denied=true`, newest first. Of denied requests the
-        server logs at most one a second for each address, and ten a second in all. It keeps the newest 100 000 changes and
-        20 000 denied requests.
-
-        Args:
-            denied: True for denied requests, false for changes (default false).
-            limit: Largest number of entries on a page, from 1 to 500 (default 50).
-            cursor: Field `next` of the previous page.
-        """
-        response: types.AuditLogPage = await self._send(
-            "GET", "/v1/audit", {"denied": denied, "limit": limit, "cursor": cursor}, None, is_repeatable=True
-        )
-        return response
-
-
 class AsyncLeases:
     """Groups of scenarios that a trainer holds for a limited time."""
 
@@ -1205,7 +1227,9 @@ class AsyncLeases:
         return response
 
     async def release(self, run: str, lease: str) -> types.LeaseSummary:
-        """Release a lease. Its unreported scenarios are offered again. A release of an ended lease changes nothing."""
+        """Release a lease. Scenarios of groups with too few finished episodes return to the queue. A release of an ended lease
+        changes nothing.
+        """
         response: types.LeaseSummary = await self._send(
             "POST", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}/release", {}, None, is_repeatable=True
         )
@@ -1225,11 +1249,6 @@ class AsyncMastery:
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
 
-    async def get(self, run: str) -> types.RunMastery:
-        """Get the current mastery of all tasks."""
-        response: types.RunMastery = await self._send("GET", f"/v1/runs/{_segment(run)}/mastery", {}, None, is_repeatable=True)
-        return response
-
     async def list_level_moves(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.LevelMovePage:
         """List the level moves of a run with their evidence, oldest first.
 
@@ -1238,8 +1257,13 @@ class AsyncMastery:
             cursor: Field `next` of the previous page.
         """
         response: types.LevelMovePage = await self._send(
-            "GET", f"/v1/runs/{_segment(run)}/mastery/history", {"limit": limit, "cursor": cursor}, None, is_repeatable=True
+            "GET", f"/v1/runs/{_segment(run)}/level_moves", {"limit": limit, "cursor": cursor}, None, is_repeatable=True
         )
+        return response
+
+    async def get(self, run: str) -> types.RunMastery:
+        """Get the current mastery of all tasks."""
+        response: types.RunMastery = await self._send("GET", f"/v1/runs/{_segment(run)}/mastery", {}, None, is_repeatable=True)
         return response
 
     async def get_params(self, run: str) -> types.RunParams:
@@ -1333,7 +1357,7 @@ class AsyncRuns:
         response: types.Run = await self._send("GET", f"/v1/runs/{_segment(run)}", {}, None, is_repeatable=True)
         return response
 
-    async def update(self, run: str, **body: Unpack[types.RunChange]) -> types.RunSummary:
+    async def update(self, run: str, **body: Unpack[types.RunUpdate]) -> types.RunSummary:
         """Update the settings of a run. Fields that are left out keep their values. A task keeps its level and mastery unless
         its level table or physics change. Under another strategy it keeps its mastery, and the strategy starts anew.
         Results of existing leases are still accepted.
@@ -1417,7 +1441,7 @@ class AsyncRuns:
 
 
 class AsyncScenarios:
-    """Tasks, and scenarios by hand: check, bracket and replay."""
+    """Scenarios by hand: create, evaluate and roll out."""
 
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
@@ -1434,21 +1458,16 @@ class AsyncScenarios:
         response: types.ScenarioCheck = await self._send("POST", "/v1/scenarios", {}, body, is_repeatable=True)
         return response
 
-    async def list_tasks(self) -> types.TaskList:
-        """List the tasks with their parameter spaces, levels, actions, policies and failure modes."""
-        response: types.TaskList = await self._send("GET", "/v1/tasks", {}, None, is_repeatable=True)
-        return response
-
 
 class AsyncTasks:
-    """Strategies of the curriculum, and their settings."""
+    """Tasks of the worlds, with their levels and spaces."""
 
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
 
-    async def list_strategies(self) -> types.StrategyList:
-        """List the strategies with their settings."""
-        response: types.StrategyList = await self._send("GET", "/v1/strategies", {}, None, is_repeatable=True)
+    async def list(self) -> types.TaskList:
+        """List the tasks with their parameter spaces, levels, actions, policies and failure modes."""
+        response: types.TaskList = await self._send("GET", "/v1/tasks", {}, None, is_repeatable=True)
         return response
 
 
@@ -1508,11 +1527,12 @@ class AsyncOperations:
     """All operations of /v1, grouped by resource."""
 
     def _bind(self, send: AsyncSend) -> None:
+        self.access = AsyncAccess(send)
+        self.curriculum = AsyncCurriculum(send)
         self.designs = AsyncDesigns(send)
         self.episodes = AsyncEpisodes(send)
         self.evaluations = AsyncEvaluations(send)
         self.failures = AsyncFailures(send)
-        self.health = AsyncHealth(send)
         self.leases = AsyncLeases(send)
         self.mastery = AsyncMastery(send)
         self.results = AsyncResults(send)

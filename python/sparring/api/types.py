@@ -256,10 +256,6 @@ class DesignAim(TypedDict):
     """Name of the failure mode."""
 
 
-DesignClaim: TypeAlias = Literal["threat", "decoy"]
-"""Claim of a design about its scenario."""
-
-
 DesignRequestOrigin: TypeAlias = Literal["worker", "user"]
 """Origin of a design request."""
 
@@ -704,6 +700,10 @@ class LatestEvent(TypedDict):
     """Kind of the event."""
 
 
+LayoutKind: TypeAlias = Literal["threat", "decoy"]
+"""Kind of a layout."""
+
+
 LeaseForm: TypeAlias = Literal["groups", "columns"]
 """Form in which the episodes of a lease are named and reported."""
 
@@ -837,15 +837,6 @@ class PolicyComparison(TypedDict):
     score: NotRequired[Estimate | None]
     skill: NotRequired[Estimate | None]
     success: NotRequired[Estimate | None]
-
-
-class PolicyFault(TypedDict):
-    """Latest error of a run's policy."""
-
-    at: str
-    """Time of the error, RFC 3339."""
-    message: str
-    """Description in one sentence."""
 
 
 class PolicyRequest(TypedDict):
@@ -1048,6 +1039,15 @@ class RunParams(TypedDict):
     """Params by name, for each task id."""
 
 
+class RunPolicyError(TypedDict):
+    """Latest error of a run's policy."""
+
+    at: str
+    """Time of the error, RFC 3339."""
+    message: str
+    """Description in one sentence."""
+
+
 class RunPolicyState(PolicySettings):
     """Policy of a run, with its settings and progress."""
 
@@ -1061,7 +1061,7 @@ class RunPolicyState(PolicySettings):
     """Fill level of the feed."""
     groups: int
     """Number of groups pushed to the feed."""
-    last_error: NotRequired[PolicyFault | None]
+    last_error: NotRequired[RunPolicyError | None]
     model: NotRequired[str | None]
     """Language model of `chat`. Its endpoint is not disclosed."""
     policy: str
@@ -1118,7 +1118,10 @@ class ScenarioBracket(TypedDict):
     """Scores between which the skill of an episode is measured."""
 
     floor: float
-    """Best score of the blind panel: plans that do not observe the scenario."""
+    """
+    Score without acting on observations: mean score of the blind panel in `kessler/survival` and `kessler/eco_station`,
+    score of `hold` in other tasks.
+    """
     hold: float
     """Score of the `hold` policy, which never acts."""
     panel_size: int
@@ -1617,13 +1620,13 @@ class DesignSummary(TypedDict):
     """Design, as lists show it."""
 
     aim: NotRequired[DesignAim | None]
-    claim: NotRequired[DesignClaim | None]
     created_at: str
     """Time of creation, RFC 3339."""
     designer: DesignerKind
     """Designer that made the design."""
     id: str
     """Id of the design and of its layout."""
+    kind: NotRequired[LayoutKind | None]
     level: NotRequired[int | None]
     """Level that the design is for; null under a strategy without levels."""
     name: str
@@ -1730,7 +1733,10 @@ class EvaluationScenario(TypedDict):
     episodes: int
     """Number of finished episodes."""
     floor: float
-    """Best score of the blind panel."""
+    """
+    Score without acting on observations: mean score of the blind panel in `kessler/survival` and `kessler/eco_station`,
+    score of `hold` in other tasks.
+    """
     fuel_used: NotRequired[float | None]
     """Mean fuel spent by all agents together."""
     index: int
@@ -1827,7 +1833,7 @@ class GroupReceipt(TypedDict):
     """Group that a report closed."""
 
     expired: int
-    """Number of episodes that were never reported."""
+    """Number of episodes without a result when the lease ended."""
     failed: int
     """Number of failed episodes."""
     finished: int
@@ -1982,41 +1988,6 @@ class ResultsResponse(TypedDict):
     """One receipt for each result, in order."""
 
 
-class RunChange(TypedDict):
-    """
-    Request to change a run. A field that is left out keeps its value. Tasks keep their level and mastery unless their levels or
-    physics change. Under another strategy they keep their mastery, and the strategy starts anew.
-    """
-
-    audit_groups: NotRequired[int | None]
-    """Number of groups of a lease of columns whose logs are replayed, from 1 to 1 024."""
-    contested_share: NotRequired[float | None]
-    """Share of proposals whose scenario must be contested."""
-    evidence_from: NotRequired[EvidenceFrom | None]
-    frontier_share: NotRequired[float | None]
-    """Share of proposals at the current level."""
-    group_size: NotRequired[int | None]
-    """Number of episodes of one scenario in a group, from 1 to 1 024."""
-    max_staleness: NotRequired[int | None]
-    """Number of policy versions after which results no longer move the curriculum."""
-    min_group: NotRequired[int | None]
-    """Number of finished episodes from which a partial group counts."""
-    name: NotRequired[str | None]
-    """Name of the run for people."""
-    placement: NotRequired[bool | None]
-    """True to find the first level of new tasks by bisection over the levels."""
-    strategy: NotRequired[str | None]
-    """Strategy that chooses the scenarios."""
-    strategy_settings: NotRequired[dict[str, float | str]]
-    """Settings of the strategy, by name; the others have their defaults. A change of a run that keeps its strategy keeps the others instead. `GET /v1/strategies` lists all settings."""
-    target: NotRequired[str | None]
-    """Target of the ladder: `mastery` or `half`."""
-    task_settings: NotRequired[dict[str, TaskSettingsRequest]]
-    """Settings of single tasks, by task id."""
-    tasks: NotRequired[list[str] | None]
-    """Ids of all tasks: a task of the run that is not among them is removed."""
-
-
 class RunMastery(TypedDict):
     """Mastery of all tasks of a run."""
 
@@ -2118,6 +2089,41 @@ class RunSettingsPage(TypedDict):
     """Cursor of the next page; null on the last page."""
     settings: list[RunSettingsVersion]
     """Settings of the page, newest first."""
+
+
+class RunUpdate(TypedDict):
+    """
+    Request to change a run. A field that is left out keeps its value. Tasks keep their level and mastery unless their levels or
+    physics change. Under another strategy they keep their mastery, and the strategy starts anew.
+    """
+
+    audit_groups: NotRequired[int | None]
+    """Number of groups of a lease of columns whose logs are replayed, from 1 to 1 024."""
+    contested_share: NotRequired[float | None]
+    """Share of proposals whose scenario must be contested."""
+    evidence_from: NotRequired[EvidenceFrom | None]
+    frontier_share: NotRequired[float | None]
+    """Share of proposals at the current level."""
+    group_size: NotRequired[int | None]
+    """Number of episodes of one scenario in a group, from 1 to 1 024."""
+    max_staleness: NotRequired[int | None]
+    """Number of policy versions after which results no longer move the curriculum."""
+    min_group: NotRequired[int | None]
+    """Number of finished episodes from which a partial group counts."""
+    name: NotRequired[str | None]
+    """Name of the run for people."""
+    placement: NotRequired[bool | None]
+    """True to find the first level of new tasks by bisection over the levels."""
+    strategy: NotRequired[str | None]
+    """Strategy that chooses the scenarios."""
+    strategy_settings: NotRequired[dict[str, float | str]]
+    """Settings of the strategy, by name; the others have their defaults. A change of a run that keeps its strategy keeps the others instead. `GET /v1/strategies` lists all settings."""
+    target: NotRequired[str | None]
+    """Target of the ladder: `mastery` or `half`."""
+    task_settings: NotRequired[dict[str, TaskSettingsRequest]]
+    """Settings of single tasks, by task id."""
+    tasks: NotRequired[list[str] | None]
+    """Ids of all tasks: a task of the run that is not among them is removed."""
 
 
 class RunWarning(TypedDict):

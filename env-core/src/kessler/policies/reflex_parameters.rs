@@ -133,6 +133,8 @@ mod tests {
         let high = KesslerReflexParameters([2.0; KESSLER_REFLEX_LEN]);
         assert_eq!(low.meanings(), KesslerReflexParameters([0.0; KESSLER_REFLEX_LEN]).meanings());
         assert_eq!(high.meanings(), KesslerReflexParameters([1.0; KESSLER_REFLEX_LEN]).meanings());
+        let nan = KesslerReflexParameters([f64::NAN; KESSLER_REFLEX_LEN]);
+        assert_eq!(nan.meanings(), KesslerReflexParameters([0.5; KESSLER_REFLEX_LEN]).meanings());
         let ranges: Vec<(f64, f64)> =
             low.meanings().iter().zip(high.meanings()).map(|(low, high)| (low.value, high.value)).collect();
         assert_eq!(ranges[..3], [(1.0, 25.0), (1.0, 6.0), (1.0, 25.0)]);
