@@ -25,7 +25,7 @@ use std::io::Write;
 
 use clap::Parser;
 
-/// Measures Sparring against its goals. Run it on an idle machine, in release: `make bench`.
+/// Measures Sparring against its goals. Run it on an idle machine: `make bench`.
 #[derive(Debug, Parser)]
 struct Args {
     /// Benchmarks to run; default: all that measure speed.

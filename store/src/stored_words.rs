@@ -25,7 +25,7 @@ const CHECKED: [(&str, &str, &[&str]); 15] = [
     ("design_requests", "state", RequestState::WORDS),
     ("layouts", "state", LayoutState::WORDS),
     ("layouts", "retirement_reason", RetirementReason::WORDS),
-    ("layouts", "claim", LayoutKind::WORDS),
+    ("layouts", "kind", LayoutKind::WORDS),
     ("evaluations", "state", EvaluationState::WORDS),
     ("tokens", "role", Role::WORDS),
 ];

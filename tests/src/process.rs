@@ -45,8 +45,8 @@ fn cargo_build(args: &[&str]) -> PathBuf {
     let folder = executable.parent().expect("the folder of the test executable");
     let folder = if folder.ends_with("deps") { folder.parent().expect("target/<profile>") } else { folder };
     let profile = match folder.file_name().and_then(|n| n.to_str()) {
-        Some("release") => "release",
-        _ => "dev",
+        Some("debug") | None => "dev", // the folder of the profile `dev` has another name
+        Some(profile) => profile,
     };
     let status = Command::new(env!("CARGO"))
         .args(["build", "--quiet", "--profile", profile])
