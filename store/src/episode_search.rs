@@ -1,10 +1,11 @@
 //! Search among the reported episodes that are stored whole, in any order.
 
-use sqlx::{FromRow, QueryBuilder, Sqlite, SqliteConnection};
+use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 
 use super::StoreError;
-use super::episodes::{EpisodeGroup, EpisodeRow, EpisodeState, ListedEpisode};
+use super::episodes::EpisodeState;
 use super::groups::GroupRole;
+use super::listed_episodes::{ListedEpisode, ListedEpisodeRow};
 
 /// Filter of a search; a field that is none filters nothing.
 #[derive(Debug, Clone, Default)]
@@ -72,31 +73,6 @@ pub struct EpisodeCursor {
     pub number: i64,
 }
 
-/// Row of the search statement.
-#[derive(FromRow)]
-struct SearchRow {
-    id_suffix: String,
-    task: String,
-    level: Option<i64>,
-    role: GroupRole,
-    layout: Option<i64>,
-    lease: i64,
-    number: i64,
-    state: EpisodeState,
-    digest: Vec<u8>,
-    score: Option<f64>,
-    success: Option<bool>,
-    skill: Option<f64>,
-    floor: Option<f64>,
-    reference: Option<f64>,
-    planner_version: Option<i64>,
-    outcome: Option<String>,
-    policy_version: i64,
-    reason: Option<String>,
-    metrics: Option<String>,
-    at: i64,
-}
-
 /// Reads a page of a run's episodes after a cursor, or from the begin.
 ///
 /// # Errors
@@ -128,7 +104,7 @@ pub async fn page(
         }
     };
     statement.push(" LIMIT ").push_bind(limit);
-    let rows: Vec<SearchRow> = statement.build_query_as().fetch_all(conn).await?;
+    let rows: Vec<ListedEpisodeRow> = statement.build_query_as().fetch_all(conn).await?;
     Ok(rows.into_iter().map(ListedEpisode::from).collect())
 }
 
@@ -187,30 +163,4 @@ fn push_cursor(statement: &mut QueryBuilder<Sqlite>, order: EpisodeOrder, after:
     };
     statement.push(" AND (l.id, e.number)").push(comparison).push_bind(lease).push(", ").push_bind(number);
     statement.push(")").push(lease_comparison).push_bind(lease);
-}
-
-impl From<SearchRow> for ListedEpisode {
-    fn from(r: SearchRow) -> Self {
-        Self {
-            id_suffix: r.id_suffix,
-            group: EpisodeGroup { task: r.task, level: r.level, role: r.role, layout: r.layout },
-            row: EpisodeRow {
-                lease: r.lease,
-                number: r.number,
-                state: r.state,
-                digest: r.digest,
-                score: r.score,
-                success: r.success,
-                skill: r.skill,
-                floor: r.floor,
-                reference: r.reference,
-                planner_version: r.planner_version,
-                outcome: r.outcome,
-                policy_version: r.policy_version,
-                reason: r.reason,
-                metrics: r.metrics,
-                at: r.at,
-            },
-        }
-    }
 }

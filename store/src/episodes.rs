@@ -5,7 +5,6 @@ use std::collections::HashMap;
 use env_core::ActionLog;
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
-use super::groups::GroupRole;
 use super::keys::{EpisodeKey, EpisodeSpan};
 use super::pack::{pack, unpack};
 use super::{MAX_ROWS, StoreError, digest, text_enum, to_json};
@@ -242,79 +241,6 @@ pub async fn logs(
 
 fn decode_log(body: &[u8]) -> Result<ActionLog, StoreError> {
     Ok(ActionLog::decode(&unpack("an action log", body)?)?)
-}
-
-/// A reported episode in a list.
-#[derive(Debug, Clone)]
-pub struct ListedEpisode {
-    /// Suffix of the lease id.
-    pub id_suffix: String,
-    /// The group of the episode.
-    pub group: EpisodeGroup,
-    /// Row of the episode.
-    pub row: EpisodeRow,
-}
-
-/// The group of an episode, as lists show it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct EpisodeGroup {
-    /// Task of the group.
-    pub task: String,
-    /// Level of the group; none for strategies without levels.
-    pub level: Option<i64>,
-    /// Role of the group.
-    pub role: GroupRole,
-    /// Number of the designed layout, if the group has one.
-    pub layout: Option<i64>,
-}
-
-/// Reads reported episodes of a run after a key, in order of their keys.
-///
-/// # Errors
-/// Returns [`StoreError::Database`] if the query fails.
-pub async fn page(
-    conn: &mut SqliteConnection,
-    run: &str,
-    after: EpisodeKey,
-    limit: i64,
-) -> Result<Vec<ListedEpisode>, StoreError> {
-    let rows = query!(
-        r#"SELECT l.id_suffix, g.task, g.level, g.role AS "role: GroupRole", g.layout, e.lease AS "lease!", e.number AS "number!",
-                  e.state AS "state: EpisodeState", e.digest, e.score, e.success AS "success: bool", e.skill, e.floor,
-                  e.reference, e.planner_version, e.outcome, e.policy_version, e.reason, e.metrics, e.at
-           FROM leases l JOIN episodes e ON e.lease = l.id
-           JOIN groups g ON g.lease = e.lease AND g.number = e.number / l.group_size
-           WHERE l.run = ?1 AND l.id >= ?2 AND (e.lease, e.number) > (?2, ?3)
-           ORDER BY l.id, e.number LIMIT ?4"#,
-        run,
-        after.lease,
-        after.number,
-        limit
-    )
-    .fetch_all(conn)
-    .await?;
-    let listed = rows.into_iter().map(|r| ListedEpisode {
-        id_suffix: r.id_suffix,
-        group: EpisodeGroup { task: r.task, level: r.level, role: r.role, layout: r.layout },
-        row: EpisodeRow {
-            lease: r.lease,
-            number: r.number,
-            state: r.state,
-            digest: r.digest,
-            score: r.score,
-            success: r.success,
-            skill: r.skill,
-            floor: r.floor,
-            reference: r.reference,
-            planner_version: r.planner_version,
-            outcome: r.outcome,
-            policy_version: r.policy_version,
-            reason: r.reason,
-            metrics: r.metrics,
-            at: r.at,
-        },
-    });
-    Ok(listed.collect())
 }
 
 /// Result of a finished episode.

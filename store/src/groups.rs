@@ -80,9 +80,30 @@ pub struct GroupRow {
 }
 
 impl GroupRow {
+    /// An open group without results. It has no proposal, layout or level, and is neither evidence nor for training.
+    #[must_use]
+    pub const fn open(number: i64, role: GroupRole, task: String, scenario: Vec<u8>) -> Self {
+        Self {
+            number,
+            proposal: None,
+            layout: None,
+            scenario,
+            task,
+            level: None,
+            role,
+            is_contested: false,
+            state: GroupState::Open,
+            finished: 0,
+            failed: 0,
+            successes: 0,
+            is_evidence: false,
+            is_for_training: false,
+        }
+    }
+
     /// True if the episodes are for training or probing. Episodes of evaluations are not counted anywhere.
     #[must_use]
-    pub const fn counts(&self) -> bool {
+    pub const fn is_training_or_probe(&self) -> bool {
         self.proposal.is_some() || self.layout.is_some()
     }
 }

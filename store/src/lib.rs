@@ -37,6 +37,7 @@ pub mod layout_outcomes;
 pub mod layout_transitions;
 pub mod layouts;
 pub mod leases;
+pub mod listed_episodes;
 pub mod llm_spend;
 mod lock;
 mod open;

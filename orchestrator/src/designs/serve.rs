@@ -8,7 +8,7 @@ use env_core::KeyedRng;
 use env_core::keyed_rng::RngPurpose;
 use sqlx::SqliteConnection;
 use store::design_counters::{self, LevelCount};
-use store::groups::{GroupRole, GroupRow, GroupState};
+use store::groups::{GroupRole, GroupRow};
 use store::layouts::LayoutKind;
 use store::servable_layouts::{self, ServableLayout};
 use store::{StoreError, to_u64};
@@ -176,20 +176,12 @@ pub(crate) fn designed_group(state: &RunState, number: i64, layout: ServableLayo
     let evidence =
         contested && is_evidence(&state.settings) && is_at_frontier(state, &layout.task, layout.level);
     GroupRow {
-        number,
-        proposal: None,
         layout: Some(layout.id),
-        scenario: layout.scenario,
-        task: layout.task,
         level: layout.level,
-        role: GroupRole::Designed,
         is_contested: contested,
-        state: GroupState::Open,
-        finished: 0,
-        failed: 0,
-        successes: 0,
         is_evidence: evidence,
         is_for_training: !state.settings.curriculum.strategy.trains_on_replays_only(),
+        ..GroupRow::open(number, GroupRole::Designed, layout.task, layout.scenario)
     }
 }
 

@@ -6,7 +6,7 @@ use env_core::admission;
 use rayon::ThreadPool;
 use rayon::prelude::*;
 use store::evaluations::{self, EvaluationRow, EvaluationState};
-use store::groups::{self, GroupRole, GroupRow, GroupState};
+use store::groups::{self, GroupRole, GroupRow};
 use store::leases::{self, LeaseRow};
 use store::to_u32;
 
@@ -159,20 +159,7 @@ impl Change for FillSuiteLease {
 }
 
 fn group_row(number: i64, prepared: &PreparedScenario) -> GroupRow {
-    GroupRow {
-        number,
-        proposal: None,
-        layout: None,
-        scenario: prepared.scenario.id().0.to_vec(),
-        task: prepared.scenario.task().id().to_owned(),
-        level: None,
-        role: GroupRole::Suite,
-        is_contested: prepared.is_contested,
-        state: GroupState::Open,
-        finished: 0,
-        failed: 0,
-        successes: 0,
-        is_evidence: false,
-        is_for_training: false,
-    }
+    let scenario = &prepared.scenario;
+    let (task, id) = (scenario.task().id().to_owned(), scenario.id().0.to_vec());
+    GroupRow { is_contested: prepared.is_contested, ..GroupRow::open(number, GroupRole::Suite, task, id) }
 }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use env_core::SeedSpace;
 use rayon::ThreadPool;
 use rayon::prelude::*;
-use store::groups::{self, GroupRow, GroupState};
+use store::groups::{self, GroupRow};
 use store::leases::{self, LeaseRow};
 use store::to_u64;
 
@@ -108,20 +108,9 @@ impl Change for FillEvalLease {
         for (number, (proposal, prepared)) in (0i64..).zip(self.prepared) {
             let scenario = prepared.scenario.id().0.to_vec();
             groups.push(GroupRow {
-                number,
-                proposal: None,
-                layout: None,
-                scenario,
-                task: proposal.task,
                 level: proposal.level.map(i64::from),
-                role: group_role(proposal.role),
                 is_contested: prepared.is_contested,
-                state: GroupState::Open,
-                finished: 0,
-                failed: 0,
-                successes: 0,
-                is_evidence: false,
-                is_for_training: false,
+                ..GroupRow::open(number, group_role(proposal.role), proposal.task, scenario)
             });
         }
         groups::insert(&mut tx.conn, row.id, &groups).await?;

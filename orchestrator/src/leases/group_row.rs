@@ -1,7 +1,7 @@
 //! Rows of groups that serve prepared proposals.
 
 use store::from_json;
-use store::groups::{GroupRow, GroupState};
+use store::groups::GroupRow;
 use store::proposals::QueuedProposal;
 
 use crate::engine::error::ServiceError;
@@ -17,20 +17,13 @@ pub(crate) fn proposed_group(
     is_for_training: bool,
 ) -> Result<GroupRow, ServiceError> {
     let proposal: Proposal = from_json("a proposal", &queued.body)?;
+    let scenario = queued.scenario.unwrap_or_default();
     Ok(GroupRow {
-        number,
         proposal: Some(queued.seq),
-        layout: None,
-        scenario: queued.scenario.unwrap_or_default(),
-        task: proposal.task,
         level: proposal.level.map(i64::from),
-        role: group_role(proposal.role),
         is_contested: queued.is_contested.unwrap_or(false),
-        state: GroupState::Open,
-        finished: 0,
-        failed: 0,
-        successes: 0,
         is_evidence,
         is_for_training: proposal.train && is_for_training,
+        ..GroupRow::open(number, group_role(proposal.role), proposal.task, scenario)
     })
 }

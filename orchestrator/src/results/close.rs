@@ -72,7 +72,7 @@ pub(crate) async fn update_and_close(
         let is_enough = group.finished >= min_finished;
         let one = ClosingGroup { lease, group, statistics, closed: &closed, is_enough };
         summary.moves.extend(one.close(run).await?);
-        if lease.group_size > 1 && group.counts() {
+        if lease.group_size > 1 && group.is_training_or_probe() {
             group_sums.push(group_counters(group, &closed));
         }
         summary.groups.push(closed);
@@ -122,7 +122,7 @@ impl ClosingGroup<'_> {
         run.emit(&RunEvent::group(lease, group, closed.expired))?;
         self.count_expired_episodes(run).await?;
         let panel = panel_success_rate(run, group, is_enough).await?;
-        if is_enough && group.counts() {
+        if is_enough && group.is_training_or_probe() {
             add_to_history(run, lease, group, closed, panel);
         }
         if let Some(seq) = group.proposal {
@@ -138,7 +138,7 @@ impl ClosingGroup<'_> {
     /// Adds the expired episodes to the counters of the task, if the group counts.
     async fn count_expired_episodes(self, run: &mut RunTx<'_>) -> Result<(), ServiceError> {
         let Self { lease, group, closed, .. } = self;
-        if closed.expired == 0 || !group.counts() {
+        if closed.expired == 0 || !group.is_training_or_probe() {
             return Ok(());
         }
         let expired = TaskCounters { expired: closed.expired, ..TaskCounters::default() };
@@ -157,7 +157,7 @@ impl ClosingGroup<'_> {
         let Self { lease, group, is_enough, .. } = self;
         let Some(body) = &self.statistics.proposal else { return Ok(Vec::new()) };
         let proposal: Proposal = from_json("a proposal", body)?;
-        if is_enough && group.counts() {
+        if is_enough && group.is_training_or_probe() {
             let params = proposal.params.iter().map(|(name, value)| ParamValue { name, value: *value });
             run.task_counts(&group.task).add_params(params);
         }
@@ -212,7 +212,7 @@ async fn panel_success_rate(
     is_enough: bool,
 ) -> Result<Option<f64>, ServiceError> {
     let is_sampled = is_enough
-        && group.counts()
+        && group.is_training_or_probe()
         && is_contested_evidence(group)
         && run.outbox.examined_panels(&run.state.run, &group.task) < MAX_EXAMINED_PANELS;
     let is_used = group.proposal.is_some() && run.state.settings.curriculum.uses_panel();

@@ -211,7 +211,7 @@ impl ReportBatch {
         let newest = state.policy_version.max(self.newest_policy).max(row.policy_version);
         let max_staleness = state.settings.max_staleness;
         let group = self.group(lease, row.number)?;
-        let is_counted = group.counts();
+        let is_counted = group.is_training_or_probe();
         let is_stale = max_staleness.is_some_and(|max| newest - row.policy_version > i64::from(max));
         let is_failed = row.state == EpisodeState::Failed;
         let sums = if is_failed {

@@ -176,7 +176,8 @@ impl CompactionBatch {
 
     /// Adds a group to the success over time of its task.
     fn add_progress(&mut self, group: &GroupRow, closed_at: i64) {
-        let counts = group.is_contested && group.is_evidence && group.finished > 0 && group.counts();
+        let counts =
+            group.is_contested && group.is_evidence && group.finished > 0 && group.is_training_or_probe();
         if !counts || !matches!(group.state, GroupState::Complete | GroupState::Partial) {
             return;
         }

@@ -4,9 +4,10 @@ use crate::api_enums::ConvertEnum;
 use api_types::{EpisodePage, EpisodeState, EpisodeSummary, PageQuery, ReplayAvailability};
 use axum::extract::State;
 use store::compacted_leases::{self, CompactedEpisode, CompactedGroup, CompactedLease};
-use store::episodes::{self, EpisodeGroup, EpisodeRow, ListedEpisode};
+use store::episodes::EpisodeRow;
 use store::ids::{EpisodeId, LayoutId, LeaseId};
 use store::keys::EpisodeKey;
+use store::listed_episodes::{self, EpisodeGroup, ListedEpisode};
 
 use crate::clock::rfc3339;
 use crate::http::extract::{Path, Query};
@@ -88,7 +89,7 @@ pub(super) async fn list_episodes(
     let (run, limit) = (parse_run_id(&run)?, page_limit(page.limit)?);
     let after = episode_after(page.cursor.as_deref())?;
     let mut conn = acquire_run_reader(&app, &run).await?;
-    let complete = episodes::page(&mut conn, run.as_str(), after, limit).await?;
+    let complete = listed_episodes::page(&mut conn, run.as_str(), after, limit).await?;
     let mut listed: Vec<(EpisodeKey, EpisodeSummary)> =
         complete.into_iter().map(|episode| (episode.row.key(), listed_summary(episode))).collect();
     let key = |lease: &CompactedLease, episode: &CompactedEpisode| EpisodeKey {

@@ -7,10 +7,11 @@ use env_core::{ActionLog, Scenario};
 use serde_json::{Value, json};
 use sqlx::SqliteConnection;
 use store::brackets;
-use store::episodes::{self, EpisodeGroup, EpisodeRow};
+use store::episodes::{self, EpisodeRow};
 use store::groups::{self, GroupRow};
 use store::ids::{EpisodeId, RunId};
 use store::leases::LeaseRow;
+use store::listed_episodes::EpisodeGroup;
 use store::scenarios::ScenarioLoader;
 use store::{compacted_leases, from_json};
 

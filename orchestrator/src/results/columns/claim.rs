@@ -3,7 +3,7 @@
 use api_types::EvidenceFrom;
 use store::columns::{self, ClaimState, ColumnClaimRow, RangeTotals, SeedRangeRow};
 use store::compacted_leases::{self, CompactedClaim};
-use store::groups::{self, GroupRow, GroupState};
+use store::groups::{self, GroupRow};
 use store::ids::{LeaseId, RunId};
 use store::leases::{self, LeaseRow, LeaseStatus, Purpose};
 use store::scenarios::{self, ScenarioLoader};
@@ -198,21 +198,17 @@ async fn insert_audited_groups(
 ) -> Result<(), ServiceError> {
     let drawn_scenarios: Vec<_> = drawn.iter().map(|group| &group.scenario).collect();
     scenarios::insert(conn, &drawn_scenarios).await?;
-    let row = |drawn: &DrawnGroup| GroupRow {
-        number: drawn.group,
-        proposal: Some(drawn.range.proposal),
-        layout: None,
-        scenario: drawn.scenario.id().0.to_vec(),
-        task: drawn.range.task.clone(),
-        level: drawn.range.level,
-        role: drawn.range.role,
-        is_contested: false, // known once its logs are audited
-        state: GroupState::Open,
-        finished: 0,
-        failed: lease.group_size - drawn.scores.len() as i64,
-        successes: 0,
-        is_evidence,
-        is_for_training: true,
+    let row = |drawn: &DrawnGroup| {
+        let SeedRangeRow { role, task, .. } = &drawn.range;
+        let open = GroupRow::open(drawn.group, *role, task.clone(), drawn.scenario.id().0.to_vec());
+        GroupRow {
+            proposal: Some(drawn.range.proposal),
+            level: drawn.range.level,
+            failed: lease.group_size - drawn.scores.len() as i64,
+            is_evidence,
+            is_for_training: true,
+            ..open // whether it is contested is known once its logs are audited
+        }
     };
     groups::insert(conn, lease.id, &drawn.iter().map(row).collect::<Vec<_>>()).await?;
     let scores = drawn.iter().flat_map(|group| &group.scores);

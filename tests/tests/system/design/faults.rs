@@ -46,7 +46,10 @@ async fn designer_faults_do_not_stop_the_run() {
             );
             let stored = api.get(&path).await.expect(200);
             let stored = stored["designs"].as_array().unwrap();
-            assert!(stored.len() <= 64 && stored.iter().all(|d| d["name"].as_str().unwrap().chars().count() <= 200));
+            assert!(
+                stored.len() <= 64
+                    && stored.iter().all(|d| d["name"].as_str().unwrap().chars().count() <= 200)
+            );
             let rejected = stored[0]["id"].as_str().unwrap();
             let path = format!("/v1/runs/run/designs/{rejected}/retire");
             assert_eq!(api.post(&path, json!({})).await.status, 409);
