@@ -1,6 +1,6 @@
 """The task kessler/survival in plain Python, as a reference for ports. Trainers should use the package `sparring` instead.
 
-It follows docs/kessler.md only: the same recipe and seed give the same scenario, and the arithmetic is the same, so that the
+It follows docs/worlds/kessler.md only: the same recipe and seed give the same scenario, and the arithmetic is the same, so that the
 server's replay gives the same score. It is slow (about 2 ms a step with 25 pieces of debris), and supports only the default
 physics options.
 """

@@ -1,6 +1,6 @@
 """A trainer whose episodes run on the server, one environment over one WebSocket: python step.py http://127.0.0.1:8700 [episodes]
 
-It needs only `websockets` (pip install websockets); docs/stepping.md documents the messages. The curriculum of a run chooses the
+It needs only `websockets` (pip install websockets); docs/reference/stepping.md documents the messages. The curriculum of a run chooses the
 scenarios, the server records the actions, and the last step of an episode is answered once its outcome is stored.
 """
 

@@ -1,6 +1,6 @@
 """A trainer that steps many environments by binary frames: python vector.py http://127.0.0.1:8700 [leases]
 
-It needs only `websockets` (pip install websockets); docs/stepping.md documents the frames. It takes leases of a run, and 32
+It needs only `websockets` (pip install websockets); docs/reference/stepping.md documents the frames. It takes leases of a run, and 32
 environments run their episodes; the server reports each episode when it ends. The policy is linear and learns by evolution
 strategies: each episode runs a variation of it, and variations with higher scores have more weight. With NumPy,
 `numpy.frombuffer(frame, dtype, count, offset)` reads the columns without a copy.

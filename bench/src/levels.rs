@@ -1,5 +1,5 @@
-//! Difficulty of the levels: success of policies on contested scenarios, for the tables of `docs/kessler.md` and
-//! `docs/docking.md`. It measures no speed and runs only if it is named.
+//! Difficulty of the levels: success of policies on contested scenarios, for the tables of `docs/worlds/kessler.md` and
+//! `docs/worlds/docking.md`. It measures no speed and runs only if it is named.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Metrics of the service: one function or type for each, so that names and labels are in one place. `docs/operations.md` lists
+//! Metrics of the service: one function or type for each, so that names and labels are in one place. `docs/guides/operations.md` lists
 //! them.
 
 use std::time::Duration;

@@ -243,7 +243,7 @@ class Curriculum:
     def stats(self) -> dict[str, Any]:
         """Returns counts of this trainer's episodes by outcome: `finished`, `counted`, `accepted`, `unsent`, `late` …
 
-        `unreachable_s` says for how long the server has been unreachable. docs/python.md lists all keys.
+        `unreachable_s` says for how long the server has been unreachable. docs/reference/python.md lists all keys.
         """
         self._check_process()
         return {} if self._native is None else dict(json.loads(self._native.stats()))

@@ -22,7 +22,7 @@ def test_python_page_runs_from_top_to_bottom(tmp_path, monkeypatch):
     pytest.importorskip("moviepy")
     pytest.importorskip("httpx")
     monkeypatch.chdir(tmp_path)
-    blocks = code_blocks("docs/python.md")
+    blocks = code_blocks("docs/reference/python.md")
     assert len(blocks) == 6
     with local_curriculum() as curriculum:
         names = {"actions": np.zeros((1024, 3, 2), np.float32)}

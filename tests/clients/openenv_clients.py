@@ -81,8 +81,8 @@ def run_validator():
 
 
 def run_documented_examples():
-    """Runs the Python and shell examples of docs/openenv.md with the address of this server."""
-    text = (ROOT / "docs/openenv.md").read_text(encoding="utf-8")
+    """Runs the Python and shell examples of docs/reference/openenv.md with the address of this server."""
+    text = (ROOT / "docs/reference/openenv.md").read_text(encoding="utf-8")
     blocks = re.findall(r"^```(python|sh)\n(.*?)^```", text, re.M | re.S)
     ran = 0
     for kind, block in blocks:
@@ -97,7 +97,7 @@ def run_documented_examples():
             continue
         ran += 1
     assert ran == (3 if shutil.which("curl") else 2), ran
-    print(f"docs/openenv.md: {ran} examples run")
+    print(f"docs/reference/openenv.md: {ran} examples run")
 
 
 def run_grpo_example():

@@ -108,7 +108,7 @@ Exit codes: 0 at least one layout was admitted (--layouts: all were admitted); 1
 one was refused); 2 bad input.
 
 Refusals count encounters from 0: encounters.2.step is the step of the third encounter. A bearing is the direction of the \
-debris seen from the satellite, five steps before the encounter; docs/designer.md explains the design language with pictures.
+debris seen from the satellite, five steps before the encounter; docs/reference/design-language.md explains the design language with pictures.
 
 A file of layouts is JSON: {\"layouts\": [{\"name\": \"from below\", \"scenario\": {\"task\": \"kessler/survival\", \"params\": \
 {\"debris\": 0, \"fuel\": 20}, \"seed\": 5, \"layout\": {\"mode\": \"extend\", \"bodies\": {\"debris\": [[15, -85.9, 2.3, \

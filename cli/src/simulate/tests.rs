@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::*;
 
-const DOCUMENT: &str = include_str!("../../../docs/curricula.md");
+const DOCUMENT: &str = include_str!("../../../docs/reference/strategies.md");
 
 fn args(strategy: &str, learners: &[&str]) -> Args {
     Args {
@@ -79,7 +79,7 @@ fn document_lists_the_hyperparameters_of_every_strategy() {
         assert_eq!(
             table_rows(table),
             table_rows(&wanted),
-            "docs/curricula.md, settings {}: put these rows there:\n{wanted}",
+            "docs/reference/strategies.md, settings {}: put these rows there:\n{wanted}",
             strategy.name()
         );
     }

@@ -1,5 +1,5 @@
 //! Constants of the world in SI units. They equal those of safe-autonomy-sims' multi-agent docking, which
-//! `docs/docking.md` cites.
+//! `docs/worlds/docking.md` cites.
 
 /// Mean motion of the chief's circular orbit, rad/s (Dunlap et al. 2023, "Run Time Assured Reinforcement Learning for
 /// Safe Satellite Docking", Journal of Aerospace Information Systems 20(1)).

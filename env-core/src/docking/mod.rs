@@ -2,7 +2,7 @@
 //! units and Hill's frame.
 //!
 //! Rewards, end conditions and observations are per agent and equal those of safe-autonomy-sims' multi-agent docking.
-//! `docs/docking.md` has the tables. Start reading at [`simulation`] for the rules of a step, and at [`DockingTask`] for how
+//! `docs/worlds/docking.md` has the tables. Start reading at [`simulation`] for the rules of a step, and at [`DockingTask`] for how
 //! the world is used. Everything that more than one world needs is in the parent module.
 
 pub mod approach_law;

@@ -1,6 +1,6 @@
 //! World `kessler`: three satellites, debris and the Earth in a plane, in canonical units (length LU, time
 //! TU). Names in JSON are those of the public kessler-env. Where that environment is wrong, this world is
-//! right, and `compat: upstream` restores its arithmetic. `docs/kessler.md` has the tables.
+//! right, and `compat: upstream` restores its arithmetic. `docs/worlds/kessler.md` has the tables.
 //!
 //! Start reading at `task` (the four tasks) and [`simulation`] (the engine). Below the engine are [`kernel`]
 //! (motion and burns), `propagate` and [`debris`] (all debris at once, vectorised), [`setup`] (recipes and

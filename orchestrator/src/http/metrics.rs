@@ -1,4 +1,4 @@
-//! `/metrics`: the server's metrics in the Prometheus text format. docs/operations.md describes each metric.
+//! `/metrics`: the server's metrics in the Prometheus text format. docs/guides/operations.md describes each metric.
 
 use std::sync::OnceLock;
 use std::time::Instant;

@@ -80,7 +80,7 @@ fn placeholders_in_observations_stay_text() {
     assert!(user.contains("{{step}} {{telemetry}} {{") && user.starts_with("Step 4 of 50."), "{user}");
 }
 
-/// docs/play.md lists the mean length of a message over 20 seeds, after five steps, in both formats.
+/// docs/guides/language-models.md lists the mean length of a message over 20 seeds, after five steps, in both formats.
 #[test]
 fn docs_list_the_length_of_both_formats() {
     let mut table = String::new();
@@ -97,8 +97,8 @@ fn docs_list_the_length_of_both_formats() {
         writeln!(table, "| {id} | {system} | {compact} | {raw} | {:.1} |", raw as f64 / compact as f64)
             .unwrap();
     }
-    let docs = include_str!("../../../docs/play.md");
-    assert!(docs.contains(&table), "docs/play.md should have\n{table}");
+    let docs = include_str!("../../../docs/guides/language-models.md");
+    assert!(docs.contains(&table), "docs/guides/language-models.md should have\n{table}");
 }
 
 #[test]

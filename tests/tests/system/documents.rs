@@ -32,16 +32,16 @@ fn designer_guide_pictures_are_up_to_date() {
     let line = ["design", "--layouts", file.to_str().unwrap(), "--svg", into.path().to_str().unwrap()];
     let process = Command::new(sparring_binary()).args(line).output().unwrap();
     assert!(process.status.success(), "{process:?}");
-    let guide = std::fs::read_to_string(root.join("docs/designer.md")).unwrap();
+    let guide = std::fs::read_to_string(root.join("docs/reference/design-language.md")).unwrap();
     let mut shown = 0;
     for entry in std::fs::read_dir(into.path()).unwrap() {
         let name = entry.unwrap().file_name().into_string().unwrap();
         if let Some(picture) = name.strip_suffix(".svg") {
             let committed =
-                std::fs::read_to_string(root.join("docs/designer").join(&name)).unwrap_or_default();
+                std::fs::read_to_string(root.join("docs/pictures/design").join(&name)).unwrap_or_default();
             let fresh = std::fs::read_to_string(into.path().join(&name)).unwrap();
-            assert!(committed == fresh, "docs/designer/{name} is out of date: run scripts/designer-pictures");
-            shown += usize::from(guide.contains(&format!("(designer/{picture}.svg)")));
+            assert!(committed == fresh, "docs/pictures/design/{name} is out of date: run scripts/designer-pictures");
+            shown += usize::from(guide.contains(&format!("(../pictures/design/{picture}.svg)")));
         }
     }
     assert!(shown >= 4, "the guide shows only {shown} pictures");

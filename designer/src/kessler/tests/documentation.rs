@@ -1,4 +1,4 @@
-//! The tables of docs/designer.md match the language and the gate.
+//! The tables of docs/reference/design-language.md match the language and the gate.
 
 use std::fmt::Write;
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use crate::kessler::aim::AIMS;
 use crate::kessler::vocabulary::{BEARING, Bound, FRAMES, KINDS, KindSpec, MISS, SATELLITE, SPEED, STEP};
 use crate::{DesignBrief, Gate, GateCheck, Refusal, design_language};
 
-const DOCUMENT: &str = include_str!("../../../../docs/designer.md");
+const DOCUMENT: &str = include_str!("../../../../docs/reference/design-language.md");
 
 const SURVIVAL: &str = "kessler/survival";
 const ECO_STATION: &str = "kessler/eco_station";
@@ -23,7 +23,7 @@ fn assert_documented(mark: &str, rows: &str) {
     let (table, _) = rest.split_once("<!-- end -->").expect("and its end");
     let rows_of_table = table.lines().filter(|line| line.starts_with('|'));
     let body = rows_of_table.skip(2).collect::<Vec<_>>().join("\n");
-    assert_eq!(body.trim(), rows.trim(), "docs/designer.md, {mark}: replace the rows by:\n{rows}");
+    assert_eq!(body.trim(), rows.trim(), "docs/reference/design-language.md, {mark}: replace the rows by:\n{rows}");
 }
 
 #[test]

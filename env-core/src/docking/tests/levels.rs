@@ -40,7 +40,7 @@ fn measure(task: &dyn TaskSpec, level: usize, n: u64) -> LevelShares {
 }
 
 /// The heuristic policy always succeeds at the first level and seldom at the last; hold never does. The shares in
-/// `docs/docking.md` (1.0 at level 0, 0.24 and 0.11 at level 9, of 300) are far within these bounds.
+/// `docs/worlds/docking.md` (1.0 at level 0, 0.24 and 0.11 at level 9, of 300) are far within these bounds.
 #[test]
 fn regress_levels_range_from_easy_to_hard() {
     for task in &DOCKING_TASKS {

@@ -1,5 +1,5 @@
 //! Critique of an episode: why it lost score, with the geometry of each loss; what each burn was worth, by
-//! the same episode without it; and a deterministic judgement. `docs/critique.md` has the definitions and the
+//! the same episode without it; and a deterministic judgement. `docs/reference/critique.md` has the definitions and the
 //! numbers.
 //!
 //! Start reading at [`critique`]. `analysis` holds all that the critique is computed from: `trace` replays

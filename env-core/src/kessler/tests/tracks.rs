@@ -273,10 +273,10 @@ fn sizes_out_of_range_are_rejected() {
     insta::assert_snapshot!(error(8, 51), @"look_ahead is 51, outside 1 to 50");
 }
 
-/// `docs/kessler.md` documents all columns, in order, with unit and scale.
+/// `docs/worlds/kessler.md` documents all columns, in order, with unit and scale.
 #[test]
 fn documentation_lists_every_column() {
-    let page = include_str!("../../../../docs/kessler.md");
+    let page = include_str!("../../../../docs/worlds/kessler.md");
     let tracks = TracksEncoder::new(1, 15).unwrap();
     let mut rows = Vec::new();
     for (number, column) in tracks.columns().iter().enumerate() {
@@ -288,6 +288,6 @@ fn documentation_lists_every_column() {
         ));
     }
     for row in &rows {
-        assert!(page.contains(row), "docs/kessler.md must contain:\n{}", rows.join("\n"));
+        assert!(page.contains(row), "docs/worlds/kessler.md must contain:\n{}", rows.join("\n"));
     }
 }

@@ -1,7 +1,7 @@
 //! OpenEnv: the routes of openenv-core 0.3.0, so that its clients work with this server unchanged.
 //!
 //! `simulation` serves single HTTP requests, `socket` a session over a WebSocket, `mcp` the Model Context Protocol, and `web`
-//! the page. Sessions themselves are in `crate::sessions`. docs/openenv.md lists the intended differences to openenv-core.
+//! the page. Sessions themselves are in `crate::sessions`. docs/reference/openenv.md lists the intended differences to openenv-core.
 //! Start reading at [`routes`].
 
 mod body;

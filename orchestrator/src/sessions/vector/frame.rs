@@ -1,4 +1,4 @@
-//! The binary frames of a vector session, byte by byte. docs/stepping.md has the table. A change of any byte needs a new
+//! The binary frames of a vector session, byte by byte. docs/reference/stepping.md has the table. A change of any byte needs a new
 //! [`FRAME_VERSION`].
 //!
 //! All numbers are little-endian. A frame begins with a header of sixteen bytes: the magic `SPVF`, the version (u16), the

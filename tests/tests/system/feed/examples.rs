@@ -89,7 +89,7 @@ async fn events_example_prints_events() {
     assert_eq!(kinds, ["run:", "lease:", "group:", "group:", "lease:"], "{stdout}");
 }
 
-/// A second implementation of the world, written in Python from docs/kessler.md, gives the same scores. The tolerance is
+/// A second implementation of the world, written in Python from docs/worlds/kessler.md, gives the same scores. The tolerance is
 /// 1e-9: sine and cosine may differ in the last bit, which fifty steps raise to at most 1e-12 of a position, and a score is a
 /// count of steps.
 #[test]

@@ -212,10 +212,10 @@ async fn session_on_a_mixed_lease_names_its_task() {
     );
 }
 
-/// docs/stepping.md describes the bytes of every frame as `opened` does.
+/// docs/reference/stepping.md describes the bytes of every frame as `opened` does.
 #[tokio::test]
 async fn stepping_document_matches_the_frame_layout() {
-    let document = include_str!("../../../../docs/stepping.md");
+    let document = include_str!("../../../../docs/reference/stepping.md");
     let row = |begins: &str| document.lines().find(|line| line.starts_with(begins)).expect(begins);
     let server = Server::start().await;
     let api = server.api();

@@ -1,4 +1,4 @@
-//! The example trainer of `docs/trajectories.md`.
+//! The example trainer of `docs/reference/trajectories.md`.
 
 use std::path::Path;
 use std::process::Command;

@@ -1,7 +1,7 @@
 //! `/v1/sessions`: environments on the server, stepped over one WebSocket: one by text messages, or many by binary frames.
 //!
 //! `connection` is the life of a connection, `open` reads its first message, `single` and `vector` answer the messages of a session,
-//! `messages` and `error_message` write responses. Sessions themselves are in `crate::sessions`. docs/stepping.md has all frames.
+//! `messages` and `error_message` write responses. Sessions themselves are in `crate::sessions`. docs/reference/stepping.md has all frames.
 
 mod connection;
 mod error_message;
@@ -28,7 +28,7 @@ use crate::sessions::vector::frame::MAX_REQUEST_BYTES;
 /// Connect to a session on the server over a WebSocket. The first message opens a session, `{"type": "open", "version": 1, …}`, with
 /// the fields of an OpenEnv reset (`task`, `params`, `physics`, `seed`, `scenario`, or `run`, `lease_id`, `group_id`) and optionally
 /// `vector`, for many environments that are stepped by binary frames. Or it resumes a session whose connection was lost, `{"type":
-/// "resume", "session": …}`. `docs/stepping.md` has every frame.
+/// "resume", "session": …}`. `docs/reference/stepping.md` has every frame.
 #[utoipa::path(
     get, path = "/sessions", tag = "sessions",
     responses(
