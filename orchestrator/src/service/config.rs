@@ -77,11 +77,29 @@ pub enum StartError {
     #[error("background threads cannot be started: {0}")]
     Threads(rayon::ThreadPoolBuildError),
     /// The address cannot be listened on.
-    #[error("cannot listen on {address}: {reason}")]
+    #[error("the server cannot listen on {address}: {}", listen_remedy(*address, reason))]
     Listen {
         /// Address from the configuration.
         address: SocketAddr,
         /// Error of the operating system.
         reason: std::io::Error,
     },
+}
+
+/// Says why an address cannot be listened on, and what helps.
+fn listen_remedy(address: SocketAddr, reason: &std::io::Error) -> String {
+    match reason.kind() {
+        std::io::ErrorKind::AddrInUse => format!(
+            "another program uses port {}; stop it, or choose another port with --port (0 for a free one)",
+            address.port()
+        ),
+        std::io::ErrorKind::PermissionDenied => {
+            format!("port {} needs privileges; choose a port above 1023 with --port", address.port())
+        }
+        std::io::ErrorKind::AddrNotAvailable => {
+            "this machine does not have that address; choose one of its addresses with --bind, or 0.0.0.0 for all"
+                .to_owned()
+        }
+        _ => reason.to_string(),
+    }
 }

@@ -37,9 +37,10 @@ static PAGE_WITH_TASKS: LazyLock<String> = LazyLock::new(|| {
     PAGE.replace("{{tasks}}", &options.collect::<String>())
 });
 
-/// Redirects to the page.
-pub(super) async fn home() -> Response {
-    (StatusCode::TEMPORARY_REDIRECT, [(header::LOCATION, "/web/")]).into_response()
+/// Redirects to the dashboard, or to OpenEnv's page if OpenEnv's routes are public, since the dashboard needs `/v1`.
+pub(super) async fn home(State(app): State<AppState>) -> Response {
+    let page = if app.openenv_public { "/web/" } else { "/dashboard/" };
+    (StatusCode::TEMPORARY_REDIRECT, [(header::LOCATION, page)]).into_response()
 }
 
 /// Returns the page with a session cookie: the dashboard, which opens its play view.
