@@ -8,7 +8,7 @@ use anyhow::bail;
 use serde::Serialize;
 use store::step_verdicts::{self, StepScores};
 
-use super::output::{self, Format};
+use super::output::{self, Column, JsonFlag, Report, TextTable};
 use orchestrator::judging::agreement::{Agreement, Band, ScorePair};
 
 /// Measure how well a judging language model agrees with the deterministic judge.
@@ -23,7 +23,7 @@ database at the same time.
 Examples:
   sparring judge-agreement
   sparring judge-agreement --db training.sqlite3 --run run-1a2b3c4d
-  sparring judge-agreement --format json")]
+  sparring judge-agreement --json")]
 pub struct Args {
     /// Path of the SQLite database of the server that judged
     #[arg(long, default_value = "sparring.sqlite3", value_name = "PATH", env = "SPARRING_DB")]
@@ -31,9 +31,8 @@ pub struct Args {
     /// Compare only the steps of this run
     #[arg(long, value_name = "RUN")]
     run: Option<String>,
-    /// Set the output format
-    #[arg(long, value_enum, default_value_t = Format::Table)]
-    format: Format,
+    #[command(flatten)]
+    output: JsonFlag,
 }
 
 /// Agreement between the models and the rules, printed as one JSON object.
@@ -90,9 +89,10 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         );
     }
     let report = build_report(&rows);
-    match args.format {
-        Format::Json => output::print_json(&report)?,
-        Format::Table => output::print(&text(&report))?,
+    if args.output.json {
+        output::print_json(&report)?;
+    } else {
+        output::print_report(&text_report(&report))?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -150,25 +150,39 @@ fn count_reasons(rows: &[StepScores]) -> Vec<(String, usize)> {
     all
 }
 
-fn text(report: &AgreementReport) -> String {
+fn text_report(report: &AgreementReport) -> Report {
+    let AgreementReport { verdicts, unanswered, without_rules, .. } = report;
+    let also = if *without_rules > 0 {
+        format!(", the rules gave no score for {without_rules}")
+    } else {
+        String::new()
+    };
+    let mut text = Report::default();
+    text.paragraph(format!("{verdicts} verdicts; the model gave no score for {unanswered} of them{also}."));
+    for (why, count) in &report.reasons {
+        text.item(format!("{count}: {}", llm::sanitize_line(why)));
+    }
+    if !report.agreement.is_empty() {
+        text.table(agreement_table(&report.agreement)).table(case_table(&report.cases));
+    }
+    text
+}
+
+fn agreement_table(rows: &[AgreementRow]) -> TextTable {
     let opt = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}"));
-    let percent = |share: f64| format!("{:.0} %", 100.0 * share);
-    let mut table = output::table(
-        &[
-            "model",
-            "task",
-            "steps",
-            "model says",
-            "rules say",
-            "apart by",
-            "correlation",
-            "same band",
-            "kappa",
-        ],
-        2,
-    );
-    for AgreementRow { model, task, figures: f } in &report.agreement {
-        table.add_row(vec![
+    let mut table = TextTable::new([
+        Column::text("model"),
+        Column::text("task"),
+        Column::number("steps"),
+        Column::number("model mean").optional(2),
+        Column::number("rules mean").optional(2),
+        Column::number("mean difference"),
+        Column::number("correlation").optional(1),
+        Column::number("same band"),
+        Column::number("kappa"),
+    ]);
+    for AgreementRow { model, task, figures: f } in rows {
+        table.add_row([
             model.clone(),
             task.clone(),
             f.steps.to_string(),
@@ -176,41 +190,35 @@ fn text(report: &AgreementReport) -> String {
             format!("{:.2}", f.rules_mean),
             format!("{:.2}", f.mean_difference),
             opt(f.correlation),
-            percent(f.same_band),
+            format!("{:.0} %", 100.0 * f.same_band),
             opt(f.kappa),
         ]);
     }
-    let mut cases = output::table(
-        &["where the rules say", "steps", "rules say", "model says", "blame", "neutral", "praise"],
-        1,
-    );
-    for CaseRow { case, figures: f } in &report.cases {
+    table
+}
+
+fn case_table(rows: &[CaseRow]) -> TextTable {
+    let mut table = TextTable::new([
+        Column::text("case of the rules"),
+        Column::number("steps"),
+        Column::number("rules mean"),
+        Column::number("model mean"),
+        Column::number("blame"),
+        Column::number("neutral"),
+        Column::number("praise"),
+    ]);
+    for CaseRow { case, figures: f } in rows {
         let band = |band: Band| f.bands[band as usize].iter().sum::<usize>().to_string();
-        let mut row = vec![
-            case.replace('_', " "),
-            f.steps.to_string(),
-            format!("{:.2}", f.rules_mean),
-            format!("{:.2}", f.model_mean),
-        ];
-        row.extend(Band::ALL.map(band));
-        cases.add_row(row);
+        let numbers = [f.steps.to_string(), format!("{:.2}", f.rules_mean), format!("{:.2}", f.model_mean)];
+        table.add_row(std::iter::once(case.replace('_', " ")).chain(numbers).chain(Band::ALL.map(band)));
     }
-    let AgreementReport { verdicts, unanswered, without_rules, .. } = report;
-    let also = if *without_rules > 0 {
-        format!(", the rules gave no score for {without_rules}")
-    } else {
-        String::new()
-    };
-    let mut text = format!("{verdicts} verdicts; the model gave no score for {unanswered} of them{also}.\n");
-    for (why, count) in &report.reasons {
-        text.push_str(&format!("  {count}: {}\n", llm::sanitize_line(why)));
-    }
-    if report.agreement.is_empty() { text } else { format!("{text}{table}\n{cases}") }
+    table
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::output::OutputTarget;
 
     fn row(task: &str, score: Option<f64>, rules: Option<(f64, &str)>) -> StepScores {
         StepScores {
@@ -235,7 +243,7 @@ mod tests {
             row("docking/single", Some(0.1), None),
         ];
         let report = build_report(&rows);
-        insta::assert_snapshot!(text(&report));
+        insta::assert_snapshot!(text_report(&report).render(OutputTarget::Terminal(120)));
         insta::assert_json_snapshot!(report);
     }
 }

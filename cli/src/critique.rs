@@ -13,7 +13,7 @@ use env_core::{ActionLog, Bracket, EpisodeOutcome, Scenario, StopReason, Success
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::output::{Format, print, print_json, table};
+use super::output::{Column, JsonFlag, Report, TextTable, print_json, print_report};
 use orchestrator::frames::{FrameContent, FrameRange, frames};
 use orchestrator::input::{self, InputError};
 
@@ -41,9 +41,8 @@ pub struct Args {
     /// Also write the telemetry with the observations to this file, one JSON object per step and line
     #[arg(long, value_name = "FILE")]
     telemetry: Option<PathBuf>,
-    /// Set the output format
-    #[arg(long, value_enum, default_value = "table")]
-    format: Format,
+    #[command(flatten)]
+    output: JsonFlag,
 }
 
 const AFTER_HELP: &str = "\
@@ -61,14 +60,16 @@ Each line of the telemetry is a frame {step, actions, reward, done, state, obser
 step. state is the true state with hidden bodies, observation what the agents observed. Conjunction warnings are included if \
 the scenario enables them: {\"task\": \"kessler/survival\", \"seed\": 7, \"physics\": {\"warnings\": \"exact\"}}.
 
-JSON (--format json): one object {scenario_id, task, outcome, skill, success, floor, reference, failures, actions, assessment}; \
+JSON (--json): one object {scenario_id, task, outcome, skill, success, floor, reference, failures, actions, assessment}; \
 skill, success, floor and reference are null if the start is not fair.
 
 Examples:
   sparring critique scenario.json --policy hold
-  sparring critique scenario.json --actions flown.json --format json
-  sparring critique scenario.json --policy hold --telemetry flight.jsonl && jq .observation.conjunctions flight.jsonl
-  curl -s http://127.0.0.1:8700/v1/runs/my-run/episodes/ep_42-x7k2p9_3 | sparring critique /dev/stdin";
+  sparring critique scenario.json --actions flown.json --json
+  sparring critique scenario.json --policy hold --telemetry flight.jsonl
+  jq .observation.conjunctions flight.jsonl
+  curl -s http://127.0.0.1:8700/v1/runs/my-run/episodes/ep_42-x7k2p9_3 | \\
+      sparring critique /dev/stdin";
 
 /// Actions listed at most in the table.
 const MAX_LISTED_ACTIONS: usize = 24;
@@ -101,9 +102,10 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         scenario,
         flown,
     };
-    match args.format {
-        Format::Json => print_json(&report.json())?,
-        Format::Table => print(&report.tables())?,
+    if args.output.json {
+        print_json(&report.json())?;
+    } else {
+        print_report(&report.text_report())?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -206,18 +208,23 @@ impl CritiqueReport {
         })
     }
 
-    fn tables(&self) -> String {
-        let mut parts = vec![self.outcome()];
+    fn text_report(&self) -> Report {
+        let mut report = Report::default();
+        report.paragraph(self.outcome());
         if self.critique.failures.is_empty() {
-            parts.push("No failures.".to_owned());
+            report.paragraph("No failures.");
         } else {
-            parts.push(self.failures());
+            report.table(self.failures());
+            let words = self.critique.failures.iter().map(|failure| failure.explanation.as_str());
+            for words in words.filter(|words| !words.is_empty()) {
+                report.line(words);
+            }
         }
-        parts.push(verdict_tables(&self.critique.actions));
+        add_verdicts(&mut report, &self.critique.actions);
         let judged = &self.critique.assessment;
         let words = format!("Judge: {:+.2}, {}. {}", judged.value, judged.case, judged.explanation);
-        parts.push(textwrap::fill(words.trim_end(), 100));
-        parts.join("\n\n")
+        report.paragraph(words.trim_end());
+        report
     }
 
     fn outcome(&self) -> String {
@@ -237,20 +244,26 @@ impl CritiqueReport {
         if let Some(success) = self.success() {
             text += if success { "; a success" } else { "; no success" };
         }
-        textwrap::fill(&(text + "."), 100)
+        text + "."
     }
 
-    fn failures(&self) -> String {
+    fn failures(&self) -> TextTable {
         let unit = self.scenario.task().speed_bands().unit;
-        let speed = format!("speed, {unit}");
-        let header = ["failure", "avoidable", "remedy", "step", "agent", "bearing", &speed, "seen", "left"];
-        let mut out = table(&header, 3);
+        let mut table = TextTable::new([
+            Column::text("failure"),
+            Column::text("avoidable"),
+            Column::text("remedy").optional(3),
+            Column::number("step"),
+            Column::number("agent"),
+            Column::number("bearing"),
+            Column::number(format!("speed, {unit}")).optional(1),
+            Column::number("seen").optional(2),
+            Column::number("left").optional(2),
+        ]);
         for failure in &self.critique.failures {
-            out.add_row(failure_row(failure));
+            table.add_row(failure_row(failure));
         }
-        let words = self.critique.failures.iter().map(|f| textwrap::fill(&f.explanation, 100));
-        let words = words.filter(|words| !words.is_empty()).collect::<Vec<_>>().join("\n");
-        format!("{out}\n{words}").trim_end().to_owned()
+        table
     }
 }
 
@@ -295,12 +308,14 @@ const fn verdict_name(verdict: Verdict) -> &'static str {
     }
 }
 
-/// Formats the counts of verdicts and the actions with the largest gain or loss.
-fn verdict_tables(actions: &[ActionVerdict]) -> String {
+/// Adds the counts of verdicts and the actions with the largest gain or loss.
+fn add_verdicts(report: &mut Report, actions: &[ActionVerdict]) {
     if actions.is_empty() {
-        return "No actions were taken.".to_owned();
+        report.paragraph("No actions were taken.");
+        return;
     }
-    let mut sums = table(&["verdict", "actions", "cost"], 1);
+    let mut sums =
+        TextTable::new([Column::text("verdict"), Column::number("actions"), Column::number("cost")]);
     for verdict in [Verdict::Needed, Verdict::Harmless, Verdict::Wasteful, Verdict::Harmful] {
         let of = || actions.iter().filter(|action| action.verdict == verdict);
         // The sum of an empty iterator is −0.
@@ -311,19 +326,23 @@ fn verdict_tables(actions: &[ActionVerdict]) -> String {
     listed.sort_by(|a, b| b.gain.abs().total_cmp(&a.gain.abs()).then(b.cost.total_cmp(&a.cost)));
     listed.truncate(MAX_LISTED_ACTIONS);
     listed.sort_by_key(|action| (action.step, action.agent));
-    let mut out = table(&["verdict", "step", "agent", "cost", "gain"], 1);
+    let mut table = TextTable::new([
+        Column::text("verdict"),
+        Column::number("step"),
+        Column::number("agent"),
+        Column::number("cost"),
+        Column::number("gain"),
+    ]);
     for action in &listed {
         let ActionVerdict { step, agent, cost, verdict, gain } = **action;
         let numbers = [step.to_string(), agent.to_string(), format!("{cost:.2}"), format!("{gain:+.3}")];
-        out.add_row(std::iter::once(verdict_name(verdict).to_owned()).chain(numbers));
+        table.add_row(std::iter::once(verdict_name(verdict).to_owned()).chain(numbers));
     }
+    report.separate_table(sums).separate_table(table);
     let hidden = actions.len() - listed.len();
-    let rest = if hidden == 0 {
-        String::new()
-    } else {
-        format!("\n{hidden} more with less effect; --format json lists all of them.")
-    };
-    format!("{sums}\n\n{out}{rest}")
+    if hidden > 0 {
+        report.line(format!("{hidden} more with less effect; --json lists all of them."));
+    }
 }
 
 #[cfg(test)]

@@ -9,14 +9,20 @@
 
 pub mod agreement;
 pub mod bench;
+pub mod bind_args;
+pub mod completions;
+pub mod config;
 pub mod critique;
 pub mod db;
 pub mod demo;
 pub mod design;
 pub mod eval;
+mod interrupt;
 pub mod judge;
 pub mod llm_args;
 mod logs;
+pub mod man;
+mod names;
 pub mod options;
 mod output;
 pub mod play;
@@ -33,11 +39,14 @@ pub mod token;
 mod worlds;
 
 use std::io::Write;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+use self::config::ConfigFile;
 use self::logs::LogArgs;
+use self::output::OutputTarget;
 
 /// Exit code of bad input or another error; a failed check has exit code 1.
 const ERROR_EXIT_CODE: u8 = 2;
@@ -49,6 +58,16 @@ const ERROR_EXIT_CODE: u8 = 2;
 #[derive(Debug, Parser)]
 #[command(name = "sparring", version, after_help = AFTER_HELP)]
 pub struct Cli {
+    /// Path of the configuration file [default: ./sparring.toml, else sparring/sparring.toml in the configuration folder]
+    #[arg(
+        long,
+        global = true,
+        value_name = "FILE",
+        env = "SPARRING_CONFIG",
+        hide_env_values = true,
+        help_heading = "Configuration"
+    )]
+    config: Option<PathBuf>,
     #[command(flatten)]
     logs: LogArgs,
     #[command(subcommand)]
@@ -57,7 +76,7 @@ pub struct Cli {
 
 const AFTER_HELP: &str = "\
 Exit codes: 0 success; 1 a check failed (a replay beyond its tolerance, a suite that differs, an episode that was not run to \
-its end); 2 bad input or another error, with one sentence on stderr.";
+its end); 2 bad input or another error, with one sentence on stderr; 130 Ctrl-C.";
 
 /// Subcommand to run. `--help` shows the doc comment of a variant's `Args`.
 #[derive(Debug, Subcommand)]
@@ -75,7 +94,10 @@ enum Command {
     Report(report::Args),
     Db(db::Args),
     Token(token::Args),
+    Config(config::Args),
     Bench(bench::Args),
+    Completions(completions::Args),
+    Man(man::Args),
 }
 
 impl Command {
@@ -88,7 +110,15 @@ impl Command {
         }
     }
 
-    fn run(&self) -> anyhow::Result<ExitCode> {
+    /// Returns true if the subcommand handles Ctrl-C itself, because it has something to finish.
+    const fn handles_ctrl_c(&self) -> bool {
+        matches!(self, Self::Serve(_) | Self::Demo(_) | Self::Play(_))
+    }
+
+    fn run(&self, file: &ConfigFile) -> anyhow::Result<ExitCode> {
+        if !self.handles_ctrl_c() {
+            interrupt::exit_on_ctrl_c()?;
+        }
         match self {
             Self::Serve(args) => serve::run(args),
             Self::Demo(args) => demo::run(args),
@@ -103,7 +133,10 @@ impl Command {
             Self::Report(args) => report::run(args),
             Self::Db(args) => db::run(args),
             Self::Token(args) => token::run(args),
+            Self::Config(args) => config::run(args, file),
             Self::Bench(args) => bench::run(args),
+            Self::Completions(args) => completions::run(args),
+            Self::Man(args) => man::run(args),
         }
     }
 }
@@ -111,14 +144,14 @@ impl Command {
 /// Parses the command line, runs the subcommand and returns its exit code.
 #[must_use]
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
-    let logged = cli.logs.start(cli.command.default_log_level());
-    match logged.and_then(|_started| cli.command.run()) {
-        Ok(code) => code,
-        Err(error) => {
-            // If stderr is closed too, only the exit code reports the error.
-            let _ = writeln!(std::io::stderr().lock(), "sparring: {error:#}");
-            ExitCode::from(ERROR_EXIT_CODE)
-        }
-    }
+    let ended = config::parse(std::env::args_os().collect()).and_then(|(cli, file)| {
+        let _started = cli.logs.start(cli.command.default_log_level())?;
+        cli.command.run(&file)
+    });
+    ended.unwrap_or_else(|error| {
+        let text = OutputTarget::stderr().wrap(&format!("sparring: {error:#}"), "  ");
+        // If stderr is closed too, only the exit code reports the error.
+        let _ = writeln!(std::io::stderr().lock(), "{text}");
+        ExitCode::from(ERROR_EXIT_CODE)
+    })
 }

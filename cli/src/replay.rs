@@ -10,7 +10,7 @@ use env_core::world::{FirstDifference, RecordingComparison, WorstDifference};
 use serde::Serialize;
 use serde_json::Value;
 
-use super::output::{self, Format};
+use super::output::{self, Column, JsonFlag, Report, TextTable};
 use super::worlds;
 
 /// Replay recorded episodes and compare every number.
@@ -28,13 +28,12 @@ pub struct Args {
     /// Largest accepted absolute difference of a number, unless the world defines a larger one for it
     #[arg(long, default_value = "1e-9", value_parser = tolerance)]
     tolerance: f64,
-    /// Set the output format
-    #[arg(long, value_enum, default_value = "table")]
-    format: Format,
+    #[command(flatten)]
+    output: JsonFlag,
 }
 
 const AFTER_HELP: &str = "\
-JSON (--format json): one object {tolerance, files}. Each file: {file, world, within, episodes, steps, allowed, first, \
+JSON (--json): one object {tolerance, files}. Each file: {file, world, within, episodes, steps, allowed, first, \
 documented} and the worst absolute difference of each of the world's quantities under its name (null: not a finite number), \
 which are satellite, debris, reward and total_score for kessler; state, observation, reward_distance, reward_delta_v, \
 reward_velocity, reward_success, reward_failure, reward, return and done for docking (done is 1 where a flag or a reason \
@@ -43,10 +42,8 @@ that is larger. first is the first step that differs, {episode (from 0), step (f
 sentences.
 
 Example:
-  sparring replay env-core/fixtures/kessler-episodes.json.gz --tolerance 1e-12";
+  sparring replay kessler-episodes.json.gz --tolerance 1e-12";
 
-/// Width of wrapped text, in characters.
-const TEXT_WIDTH: usize = 100;
 /// Largest recording in bytes of unpacked JSON.
 const MAX_RECORDING_BYTES: u64 = 1 << 30;
 
@@ -125,10 +122,10 @@ struct ReplayReport<'a> {
 /// Returns an error if a file cannot be read or holds no recording; the comparisons of the other files are printed first.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let Comparisons { files: judged, verdict } = compare_files(args);
-    match args.format {
-        Format::Json => output::print_json(&ReplayReport { tolerance: args.tolerance, files: &judged })?,
-        Format::Table if judged.is_empty() => {}
-        Format::Table => output::print(&tables(&judged, args.tolerance))?,
+    if args.output.json {
+        output::print_json(&ReplayReport { tolerance: args.tolerance, files: &judged })?;
+    } else if !judged.is_empty() {
+        output::print_report(&text_report(&judged, args.tolerance))?;
     }
     verdict
 }
@@ -193,41 +190,52 @@ fn read(path: &Path) -> anyhow::Result<Value> {
     serde_json::from_slice(&unpacked).context("it is not JSON")
 }
 
-/// Formats one table per file with one row per quantity, then the differences of single files.
-fn tables(judged: &[FileComparison], tolerance: f64) -> String {
-    let mut text = format!(
+/// Builds one table per file with one row per quantity, then the differences of single files.
+fn text_report(judged: &[FileComparison], tolerance: f64) -> Report {
+    let mut report = Report::default();
+    report.paragraph(format!(
         "Largest differences and the allowed ones: the tolerance of {tolerance:e}, or the precision of the recording if \
-         that is larger.\n"
-    );
-    text = textwrap::fill(text.trim_end(), TEXT_WIDTH) + "\n";
+         that is larger."
+    ));
     for file in judged {
-        let RecordingComparison { episodes, steps, worst, .. } = &file.compared;
-        let numbers = worst.iter().all(|worst| worst.difference <= worst.allowed);
-        // A word can differ even if no number does.
-        let word = (numbers && !file.is_within_tolerance())
-            .then(|| WorstDifference { difference: 1.0, ..WorstDifference::new("text", 0.0) });
-        let mut table = output::table(&["quantity", "verdict", "worst", "allowed"], 2);
-        for WorstDifference { quantity, difference, allowed } in worst.iter().chain(&word) {
-            let verdict = if difference <= allowed { "within" } else { "DIFFERS" };
-            let numbers = [difference, allowed].map(|number| format!("{number:.1e}"));
-            table.add_row([*quantity, verdict].map(str::to_owned).into_iter().chain(numbers));
-        }
+        let RecordingComparison { episodes, steps, .. } = &file.compared;
         let (name, world) = (&file.file, file.world);
-        text.push_str(&format!("\n{name}: {world}, {episodes} episodes, {steps} steps\n{table}\n"));
+        report
+            .paragraph(format!("{name}: {world}, {episodes} episodes, {steps} steps"))
+            .table(quantities(file));
     }
-    text.push('\n');
     for FileComparison { file, compared, .. } in judged {
         if let Some(FirstDifference { episode, step, what }) = &compared.first {
-            let found = format!("the first difference is in episode {episode}, step {step}: {what}");
-            text.push_str(&textwrap::fill(&format!("{file}: {found}"), TEXT_WIDTH));
-            text.push('\n');
+            report.paragraph(format!(
+                "{file}: the first difference is in episode {episode}, step {step}: {what}"
+            ));
         }
         for documented in &compared.documented {
-            text.push_str(&textwrap::fill(&format!("{file}: documented: {documented}"), TEXT_WIDTH));
-            text.push('\n');
+            report.paragraph(format!("{file}: documented: {documented}"));
         }
     }
-    text
+    report
+}
+
+/// Builds the table of a file's quantities.
+fn quantities(file: &FileComparison) -> TextTable {
+    let worst = &file.compared.worst;
+    let numbers = worst.iter().all(|worst| worst.difference <= worst.allowed);
+    // A word can differ even if no number does.
+    let word = (numbers && !file.is_within_tolerance())
+        .then(|| WorstDifference { difference: 1.0, ..WorstDifference::new("text", 0.0) });
+    let mut table = TextTable::new([
+        Column::text("quantity"),
+        Column::text("verdict"),
+        Column::number("worst"),
+        Column::number("allowed"),
+    ]);
+    for WorstDifference { quantity, difference, allowed } in worst.iter().chain(&word) {
+        let verdict = if difference <= allowed { "within" } else { "DIFFERS" };
+        let numbers = [difference, allowed].map(|number| format!("{number:.1e}"));
+        table.add_row([*quantity, verdict].map(str::to_owned).into_iter().chain(numbers));
+    }
+    table
 }
 
 fn tolerance(text: &str) -> Result<f64, String> {
@@ -238,155 +246,4 @@ fn tolerance(text: &str) -> Result<f64, String> {
 }
 
 #[cfg(test)]
-mod tests {
-    use std::io::Write;
-
-    use super::*;
-
-    fn fixture() -> PathBuf {
-        Path::new(env!("CARGO_MANIFEST_DIR")).join("../env-core/fixtures/kessler-episodes.json.gz")
-    }
-
-    fn args(files: Vec<PathBuf>) -> Args {
-        Args { files, tolerance: 1e-9, format: Format::Json }
-    }
-
-    /// Writes the fixture with one change to a JSON file.
-    fn tampered(change: impl Fn(&mut serde_json::Value)) -> tempfile::NamedTempFile {
-        let packed = std::fs::read(fixture()).unwrap();
-        let mut value = serde_json::from_reader(flate2::read::GzDecoder::new(&packed[..])).unwrap();
-        change(&mut value);
-        let mut file = tempfile::NamedTempFile::new().unwrap();
-        file.write_all(&serde_json::to_vec(&value).unwrap()).unwrap();
-        file
-    }
-
-    #[test]
-    fn validate_kessler_env_the_fixture_replays() {
-        let found = compare_file(&fixture(), 1e-9).unwrap();
-        assert!(found.is_within_tolerance() && found.world == "kessler", "{found:?}");
-        assert_eq!((found.compared.episodes, found.compared.steps), (30, 1361));
-        assert_eq!(compare_files(&args(vec![fixture()])).verdict.unwrap(), ExitCode::SUCCESS);
-    }
-
-    #[test]
-    fn a_tampered_recording_is_exit_1_and_the_step_is_named() {
-        let number = tampered(|v| {
-            let x = &mut v["episodes"][3]["steps"][6]["satellites"][1][0];
-            *x = serde_json::json!(x.as_f64().unwrap() + 1e-6);
-        });
-        let found = compare_file(number.path(), 1e-9).unwrap();
-        let first = found.compared.first.clone().unwrap();
-        assert_eq!((first.episode, first.step), (3, 7));
-        assert!(first.what.starts_with("satellite 1: "), "{}", first.what);
-        let satellite = serde_json::to_value(&found).unwrap()["satellite"].as_f64().unwrap();
-        assert!(!found.is_within_tolerance() && (satellite - 1e-6).abs() < 1e-9);
-        let file = vec![number.path().to_owned()];
-        assert_eq!(compare_files(&args(file.clone())).verdict.unwrap(), ExitCode::FAILURE);
-        let loose = Args { tolerance: 1e-5, ..args(file) };
-        assert_eq!(compare_files(&loose).verdict.unwrap(), ExitCode::SUCCESS);
-
-        let word = tampered(|v| v["episodes"][0]["steps"][2]["satellites"][0][5] = "lost".into());
-        let found = compare_file(word.path(), 1e-9).unwrap();
-        assert_eq!(found.compared.first.map(|f| (f.episode, f.step)), Some((0, 3)));
-    }
-
-    /// The recordings of every world are recognised and replay. No quantity has the name of a key that every file has.
-    #[test]
-    fn validate_safe_autonomy_sims_the_fixtures_replay() {
-        let folder = fixture().parent().unwrap().to_owned();
-        for name in ["docking-docks", "docking-edge", "docking-random", "docking-timeout"] {
-            let found = compare_file(&folder.join(format!("{name}.json.gz")), 1e-9).unwrap();
-            assert!(
-                found.is_within_tolerance() && found.world == "docking" && found.compared.steps > 0,
-                "{found:?}"
-            );
-            let told = serde_json::to_value(&found).unwrap();
-            let keys = told.as_object().unwrap().len();
-            assert_eq!(keys, 8 + found.compared.worst.len(), "{told}");
-            assert!(found.compared.worst.iter().all(|worst| worst.difference <= worst.allowed), "{found:?}");
-            let table = tables(&[found], 1e-9);
-            let widest = table.lines().map(|line| line.chars().count()).max();
-            assert!(widest <= Some(120) && !table.contains("DIFFERS"), "{widest:?} {table}");
-        }
-    }
-
-    /// Comparisons of two worlds; one has a difference and a documented deviation.
-    fn judged() -> [FileComparison; 2] {
-        let compared = |worst: &[(&'static str, f64)], first, documented| RecordingComparison {
-            episodes: 2,
-            steps: 90,
-            worst: worst
-                .iter()
-                .map(|&(quantity, difference)| WorstDifference { quantity, difference, allowed: 1e-9 })
-                .collect(),
-            first,
-            documented,
-        };
-        let first = FirstDifference { episode: 1, step: 7, what: "reward: 1 here, 2 recorded".to_owned() };
-        let known = ["episode 0, step 9: the recording pays twice".to_owned()];
-        [
-            FileComparison {
-                file: "a.json".to_owned(),
-                world: "kessler",
-                compared: compared(&[("satellite", 2.5e-13), ("reward", 0.0)], None, Vec::new()),
-            },
-            FileComparison {
-                file: "b.json".to_owned(),
-                world: "elsewhere",
-                compared: compared(&[("position", f64::INFINITY)], Some(first), known.to_vec()),
-            },
-        ]
-    }
-
-    #[test]
-    fn every_world_has_its_own_quantities() {
-        insta::assert_snapshot!("tables", tables(&judged(), 1e-9));
-        insta::assert_json_snapshot!("json", ReplayReport { tolerance: 1e-9, files: &judged() });
-    }
-
-    #[test]
-    fn bad_files_are_one_sentence_each() {
-        let error_of =
-            |path: &Path| compare_file(path, 1e-9).map(|_| ()).map_err(|e| format!("{e:#}")).unwrap_err();
-        let with = |bytes: &[u8]| {
-            let mut file = tempfile::NamedTempFile::new().unwrap();
-            file.write_all(bytes).unwrap();
-            error_of(file.path())
-        };
-        let cut = tampered(|v| v["episodes"][1]["steps"][4]["satellites"] = serde_json::json!([]));
-        let short = tampered(|v| v["episodes"][1]["steps"] = serde_json::json!([]));
-        insta::assert_snapshot!([
-            error_of(Path::new("/nowhere/at-all.json")),
-            with(b"{"),
-            with(b"{\"episodes\": []}"),
-            with(&[0x1f, 0x8b, 8, 0]),
-            with(b"{\"episodes\": 5}"),
-            with(b"[1, 2]"),
-            error_of(cut.path()),
-            error_of(short.path()),
-        ].join("\n"), @r"
-        it cannot be read: No such file or directory (os error 2)
-        it is not JSON: EOF while parsing an object at line 1 column 1
-        it holds no episodes
-        it cannot be unpacked: unexpected end of file
-        it is not a recording of a world known here (kessler, docking)
-        it is not a recording of a world known here (kessler, docking)
-        episode 1: step 5 does not have 3 satellites
-        episode 1: it has no steps
-        ");
-        let Comparisons { files: compared, verdict } =
-            compare_files(&args(vec![fixture(), PathBuf::from("/nowhere.json")]));
-        assert_eq!(compared.len(), 1);
-        let both = verdict.unwrap_err().to_string();
-        assert!(both.starts_with("/nowhere.json: it cannot be read"), "{both}");
-    }
-
-    #[test]
-    fn tolerances_are_finite_and_not_negative() {
-        assert_eq!(tolerance("0"), Ok(0.0));
-        for bad in ["-1", "NaN", "inf", "x"] {
-            assert!(tolerance(bad).is_err(), "{bad}");
-        }
-    }
-}
+mod tests;

@@ -1,11 +1,12 @@
 //! `sparring serve`: runs the service until a signal stops it.
 
-use std::net::SocketAddr;
+use std::net::{Ipv4Addr, Ipv6Addr};
 use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
+use super::bind_args::BindArgs;
 use super::judge::JudgeArgs;
 use super::llm_args::LlmArgs;
 use super::policy::PolicyArgs;
@@ -18,20 +19,19 @@ use orchestrator::sessions::SessionLimits;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Ctrl-C (or SIGTERM) stops the server. It finishes running requests, loses no acknowledged result, and aborts calls of a \
-designer. The same command continues where the server stopped. http://127.0.0.1:8700/docs documents the API.
+designer. The same command continues where the server stopped. The server prints its URLs; /docs documents the API.
 
 Examples:
   sparring serve
-  sparring serve --db training.sqlite3 --bind 127.0.0.1:9000
+  sparring serve --db training.sqlite3 --port 9000
   sparring serve --bind 0.0.0.0:8000 --openenv-public
-  SPARRING_LLM_KEY=... sparring serve --judge llm --llm-url https://llm.example.com/v1 --llm-model name
-  sparring serve --policy-url http://127.0.0.1:8000/v1 --policy-model name --policy-tokens
-  SPARRING_LLM_KEY=... sparring serve --llm-url https://llm.example.com/v1 --llm-model name --llm-tokens-per-day 2000000
-  curl -X POST -H 'content-type: application/json' -d '{}' http://127.0.0.1:8700/v1/runs")]
+  sparring serve --policy-url http://127.0.0.1:8000/v1 --policy-model name
+  SPARRING_LLM_KEY=... sparring serve --judge llm \\
+      --llm-url https://llm.example.com/v1 --llm-model name
+  sparring runs create --name first")]
 pub struct Args {
-    /// Address to listen on; one that other machines can reach needs a token (`sparring token create`) or --openenv-public
-    #[arg(long, default_value = "127.0.0.1:8700", value_name = "ADDRESS", env = "SPARRING_BIND")]
-    bind: SocketAddr,
+    #[command(flatten)]
+    bind: BindArgs,
     /// Path of the SQLite database; it is created if it does not exist
     #[arg(long, default_value = "sparring.sqlite3", value_name = "PATH", env = "SPARRING_DB")]
     db: PathBuf,
@@ -69,9 +69,7 @@ pub struct Args {
 
 /// Limits of each client.
 #[derive(Debug, clap::Args)]
-#[command(
-    next_help_heading = "Limits of each token (not applied without tokens, when only local clients are accepted)"
-)]
+#[command(next_help_heading = "Limits of each token (applied if tokens exist)")]
 struct ClientLimitArgs {
     /// Largest request rate of a token per second; bursts of twice as many are accepted
     #[arg(long, default_value_t = ClientLimits::default().requests, value_name = "N")]
@@ -121,13 +119,13 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             memory_mib: args.session_memory,
             ..SessionLimits::default()
         };
-        let bind = args.bind;
+        let bind = args.bind.address();
         let forgotten = args.temporary.then(|| tempfile::Builder::new().prefix("sparring-").tempdir()).transpose()?;
         let db = forgotten.as_ref().map_or_else(|| args.db.clone(), |folder| folder.path().join("sparring.sqlite3"));
         let config = Config { db: db.clone(), bind, clock, designers, sessions, judges, endpoint, openenv_public: args.openenv_public, client_limits: args.each.client_limits() };
         let mut service = Service::start(config).await?;
-        // Programs that start a server read this line to learn its port.
-        super::output::print(&format!("Sparring serves at {}", service.url()))?;
+        // Programs that start a server read the first line to learn its port.
+        super::output::print(&url_lines(&service, args.openenv_public))?;
         tracing::info!(db = %db.display(), url = %service.url(), "The server started; Ctrl-C stops it.");
         tokio::select! {
             signal = stop_signal() => signal?,
@@ -142,6 +140,27 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     // Scenarios in preparation are dropped; the next start prepares them again.
     runtime.shutdown_background();
     served
+}
+
+/// Returns the line with the server's URL, and the URLs that people open.
+fn url_lines(service: &Service, openenv_public: bool) -> String {
+    let url = service.url();
+    let mut address = service.address();
+    if address.ip().is_unspecified() {
+        // A browser on this machine reaches a server that listens on all addresses at the loopback address.
+        address.set_ip(if address.is_ipv6() {
+            Ipv6Addr::LOCALHOST.into()
+        } else {
+            Ipv4Addr::LOCALHOST.into()
+        });
+    }
+    let openenv = format!("  OpenEnv    {url}  (form: http://{address}/web/)");
+    if openenv_public {
+        return format!("Sparring serves at {url}\n{openenv}");
+    }
+    format!(
+        "Sparring serves at {url}\n  Dashboard  http://{address}/dashboard/\n  API        http://{address}/docs\n{openenv}"
+    )
 }
 
 /// Waits for the end of standard input.

@@ -4,9 +4,13 @@ use clap::{CommandFactory, Parser};
 
 use super::Cli;
 
-/// Renders the help of a subcommand at a fixed width.
+/// Renders the help of a subcommand at 100 columns.
 fn help(path: &[&str]) -> String {
-    let mut command = Cli::command().term_width(100);
+    help_at(100, path)
+}
+
+fn help_at(columns: usize, path: &[&str]) -> String {
+    let mut command = super::config::definition().term_width(columns);
     command.build();
     let mut at = &mut command;
     for name in path {
@@ -36,10 +40,41 @@ fn help_teaches() {
         &["critique"],
         &["judge-agreement"],
         &["report"],
+        &["db"],
+        &["token"],
+        &["token", "create"],
+        &["config"],
+        &["config", "show"],
+        &["completions"],
+        &["man"],
         &["bench"],
+        &["simulate-curriculum"],
     ] {
         insta::assert_snapshot!(format!("help_{}", path.join("_")), help(path));
     }
+}
+
+/// A terminal of 80 columns shows examples as they are typed, and breaks no word of the help.
+#[test]
+fn examples_fit_80_columns() {
+    fn check(command: &clap::Command, path: &mut Vec<String>) {
+        let text = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+        let examples = text.split_once("Example").map(|(_, examples)| examples).unwrap_or_default();
+        for line in examples.lines() {
+            assert!(line.chars().count() <= 80, "{}: {line}", path.join(" "));
+        }
+        let names: Vec<&str> = path.iter().map(String::as_str).collect();
+        for line in help_at(80, &names).lines() {
+            let is_long_word = line.trim().split(' ').count() == 1;
+            assert!(line.chars().count() <= 80 || is_long_word, "{}: {line}", path.join(" "));
+        }
+        for sub in command.get_subcommands().filter(|sub| sub.get_name() != "help") {
+            path.push(sub.get_name().to_owned());
+            check(sub, path);
+            path.pop();
+        }
+    }
+    check(&super::config::definition(), &mut Vec::new());
 }
 
 #[test]
@@ -58,7 +93,7 @@ fn bad_arguments_are_usage_errors() {
         "sparring play --temperature NaN",
         "sparring play --episodes 0",
         "sparring play --concurrency 0",
-        "sparring play --format table",
+        "sparring play --format lines",
         "sparring eval --policy hold --seed -1",
         "sparring design --run a --profile b.json",
         "sparring design --layouts a.json --level 3",
@@ -92,25 +127,25 @@ fn bad_arguments_are_usage_errors() {
 fn good_arguments_are_accepted() {
     for line in [
         "sparring eval --policy hold",
-        "sparring eval --suite x.json --policy hold,blind --policy random --seed 3 --format json --rollouts 4",
+        "sparring eval --suite x.json --policy hold,blind --policy random --seed 3 --json --rollouts 4",
         "sparring play --policy heuristic",
         "sparring play --env-url https://h/x --api-base-url http://h/v1 --model m --key-env K --temperature 0.7 --history 0",
-        "sparring play --task survival --task docking/single --telemetry raw --seed 3 --episodes 2 --format jsonl --out x",
+        "sparring play --task survival --task docking/single --telemetry raw --seed 3 --episodes 2 --json --out x",
         "sparring design",
-        "sparring design --run a --url http://127.0.0.1:1 --task kessler/survival --n 3 --format json",
+        "sparring design --run a --url http://127.0.0.1:1 --task kessler/survival --n 3 --json",
         "sparring design --profile a.json --level 4 --param fuel=3 --physics contact=swept --svg x --out y.json",
         "sparring design --designer llm --dry-run",
         "sparring design --layouts a.json --out b.json --svg c",
-        "sparring replay a.json b.json.gz --tolerance 1e-6 --format json",
+        "sparring replay a.json b.json.gz --tolerance 1e-6 --json",
         "sparring critique x.json",
-        "sparring critique x.json --policy random --seed 3 --format json",
+        "sparring critique x.json --policy random --seed 3 --json",
         "sparring critique x.json --actions y.json --telemetry z.jsonl",
         "sparring eval --policy hold --physics contact=swept --physics kessler/survival:risk=pc",
         "sparring demo --task docking/single --task kessler/survival --physics kessler:warnings=noisy",
         "sparring bench --physics gravity=j2",
         "sparring bench --env kessler --seconds 0.5 --json -v debug",
         "sparring --log info,sqlx=warn --log-format json suite verify",
-        "sparring suite build --name x-v1 --out x.json --tasks kessler/survival --levels 1,2",
+        "sparring suite build --name x-v1 --out x.json --task survival --levels 1,2",
     ] {
         Cli::try_parse_from(line.split(' ')).expect(line);
     }

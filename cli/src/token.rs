@@ -6,14 +6,15 @@ use std::process::ExitCode;
 use anyhow::{Context, bail, ensure};
 use clap::{Subcommand, ValueEnum};
 use jiff::{SignedDuration, Span};
+use serde::Serialize;
 use sqlx::SqliteConnection;
 use store::audit_log::{self, AuditRing, AuditRow};
 use store::role::Role;
-use store::tokens::{self, NewToken};
+use store::tokens::{self, NewToken, TokenRow};
 use store::{DatabaseLock, OpenError, transactions};
 
 use super::db::{DatabaseArgs, open_readers};
-use super::output;
+use super::output::{self, Column, JsonFlag, OutputTarget, TextTable};
 use orchestrator::clock::{Clock, Millis, rfc3339};
 use orchestrator::tokens::Token;
 
@@ -30,7 +31,8 @@ runs the server: the command creates a missing database, and that user must own 
 Examples:
   sparring token create ppo-cluster --role trainer --db training.sqlite3
   sparring token create grafana --role viewer --expires never
-  sudo -u sparring sparring token create me --role admin --db /var/lib/sparring/sparring.sqlite3
+  sudo -u sparring sparring token create me --role admin \\
+      --db /var/lib/sparring/sparring.sqlite3
   sparring token list
   sparring token revoke 3")]
 pub struct Args {
@@ -54,7 +56,7 @@ enum Command {
         expires: TokenLifetime,
     },
     /// List tokens with name, role, state, expiry and last use
-    List,
+    List(JsonFlag),
     /// Revoke a token by its number
     Revoke {
         /// Number of the token, which is also part of the token itself
@@ -121,7 +123,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
                 }
                 create(&mut open(db).await?, name, Role::from(*role), now, *expires).await
             }
-            Command::List => list(&mut *open_readers(db).await?.acquire().await?, now).await,
+            Command::List(flag) => list(&mut *open_readers(db).await?.acquire().await?, now, flag.json).await,
             Command::Revoke { id } => {
                 open_readers(db).await?.close().await; // revoking must not create a missing database
                 revoke(&mut open(db).await?, *id, now).await
@@ -197,13 +199,27 @@ fn command_line_audit_row(what: &str, id: i64, at: Millis) -> AuditRow {
     }
 }
 
-async fn list(conn: &mut SqliteConnection, now: Millis) -> anyhow::Result<ExitCode> {
+async fn list(conn: &mut SqliteConnection, now: Millis, json: bool) -> anyhow::Result<ExitCode> {
     let tokens = tokens::all(conn).await?;
+    if json {
+        return output::print_json(
+            &tokens.iter().map(|token| TokenLine::new(token, now)).collect::<Vec<_>>(),
+        )
+        .map(|()| ExitCode::SUCCESS);
+    }
     if tokens.is_empty() {
         output::print("There are no tokens: the server accepts only clients on its own machine.")?;
         return Ok(ExitCode::SUCCESS);
     }
-    let mut table = output::table(&["token", "name", "role", "state", "created", "expires", "last used"], 7);
+    let mut table = TextTable::new([
+        Column::number("token"),
+        Column::text("name"),
+        Column::text("role"),
+        Column::text("state"),
+        Column::text("created").optional(2),
+        Column::text("expires"),
+        Column::text("last used").optional(1),
+    ]);
     let at = |at: Option<Millis>, never: &str| at.map_or_else(|| never.to_owned(), rfc3339);
     for token in tokens {
         let state = token.state(now).as_str().to_owned();
@@ -217,8 +233,34 @@ async fn list(conn: &mut SqliteConnection, now: Millis) -> anyhow::Result<ExitCo
             at(token.used_at, "never"),
         ]);
     }
-    output::print(&table.to_string())?;
+    output::print(&table.render(OutputTarget::stdout()))?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Token in the JSON list.
+#[derive(Debug, Serialize)]
+struct TokenLine<'a> {
+    token: i64,
+    name: &'a str,
+    role: &'static str,
+    state: &'static str,
+    created_at: String,
+    expires_at: Option<String>,
+    used_at: Option<String>,
+}
+
+impl<'a> TokenLine<'a> {
+    fn new(token: &'a TokenRow, now: Millis) -> Self {
+        Self {
+            token: token.id,
+            name: &token.name,
+            role: token.role.as_str(),
+            state: token.state(now).as_str(),
+            created_at: rfc3339(token.created_at),
+            expires_at: token.expires_at.map(rfc3339),
+            used_at: token.used_at.map(rfc3339),
+        }
+    }
 }
 
 async fn revoke(conn: &mut SqliteConnection, id: i64, now: Millis) -> anyhow::Result<ExitCode> {

@@ -88,7 +88,8 @@ fn interval(values: &[f64]) -> String {
 /// Runs `sparring demo` with this seed and returns its JSON output.
 fn run_demo(seed: u64, designer: &str, episodes: usize) -> anyhow::Result<Value> {
     let (seed, episodes) = (seed.to_string(), episodes.to_string());
-    let args = ["demo", "--json", "--seed", &seed, "--episodes", &episodes, "--designer", designer];
+    let args =
+        ["demo", "--temporary", "--json", "--seed", &seed, "--episodes", &episodes, "--designer", designer];
     let out = Command::new(system_tests::sparring_binary()).args(args).stderr(Stdio::null()).output()?;
     ensure!(out.status.success(), "the demo failed");
     Ok(serde_json::from_slice(&out.stdout)?)

@@ -5,6 +5,7 @@ use env_core::critique::{Judgement, Measure, Remedy};
 use env_core::{Recipe, Seed};
 
 use super::*;
+use crate::output::OutputTarget;
 
 #[derive(Parser)]
 struct CritiqueCommand {
@@ -86,12 +87,17 @@ fn action(step: u32, verdict: Verdict, gain: f64) -> ActionVerdict {
 #[test]
 fn people_read_a_table() {
     let few = vec![action(1, Verdict::Needed, 0.31), action(9, Verdict::Harmful, -0.125)];
-    insta::assert_snapshot!("few_actions", shown(few).tables());
+    insta::assert_snapshot!("few_actions", shown(few).text_report().render(OutputTarget::Terminal(100)));
     let many = (1..=40).map(|step| action(step, Verdict::Harmless, f64::from(step) / 1000.0)).collect();
-    let text = shown(many).tables();
-    assert!(text.contains("16 more with less effect; --format json lists all of them."), "{text}");
+    let text = shown(many).text_report().render(OutputTarget::Terminal(100));
+    assert!(text.contains("16 more with less effect; --json lists all of them."), "{text}");
     assert!(!text.contains("+0.016") && text.contains("+0.017"), "the smallest gains are left out: {text}");
-    assert!(shown(Vec::new()).tables().contains("No actions were taken."));
+    assert!(
+        shown(Vec::new())
+            .text_report()
+            .render(OutputTarget::Terminal(100))
+            .contains("No actions were taken.")
+    );
 }
 
 #[test]

@@ -6,16 +6,15 @@ use std::process::ExitCode;
 use serde::Serialize;
 use store::integrity::{self, DatabaseSize, RunSize};
 
-use super::super::output::{self, Format};
+use super::super::output::{self, Column, JsonFlag, Report, TextTable};
 use super::{format_bytes, open_readers};
 use orchestrator::clock::rfc3339;
 
 /// Show the size of a database by table, and the contents of each run.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// Set the output format
-    #[arg(long, value_enum, default_value_t = Format::Table)]
-    format: Format,
+    #[command(flatten)]
+    output: JsonFlag,
 }
 
 #[derive(Debug, Serialize)]
@@ -34,48 +33,53 @@ pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
     let mut conn = open_readers.acquire().await?;
     let (size, runs) = (integrity::size(&mut conn).await?, integrity::runs(&mut conn).await?);
     let info = Info { db: db.display().to_string(), size, runs };
-    match args.format {
-        Format::Json => output::print_json(&info)?,
-        Format::Table => output::print(&words(&info))?,
+    if args.output.json {
+        output::print_json(&info)?;
+    } else {
+        output::print_report(&report(&info))?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn words(info: &Info) -> String {
+fn report(info: &Info) -> Report {
     let DatabaseSize { schema, bytes, free_bytes, tables } = &info.size;
-    let mut text = format!(
-        "{}: schema {schema}, {}, of which {} are free\n",
+    let mut report = Report::default();
+    report.paragraph(format!(
+        "{}: schema {schema}, {}, of which {} are free",
         info.db,
         format_bytes(*bytes),
         format_bytes(*free_bytes)
-    );
-    let mut largest = output::table(&["table, with its indexes", "size"], 1);
+    ));
+    let mut largest = TextTable::new([Column::text("table, with its indexes"), Column::number("size")]);
     for (name, bytes) in tables.iter().take(MAX_TABLES) {
         largest.add_row([name.clone(), format_bytes(*bytes)]);
     }
-    text.push_str(&format!("{largest}\n"));
+    report.table(largest);
     if info.runs.is_empty() {
-        text.push_str("There are no runs.");
-        return text;
+        report.paragraph("There are no runs.");
+    } else {
+        report.table(run_table(&info.runs));
     }
-    let header = [
-        "run",
-        "status",
-        "since",
-        "active leases",
-        "episodes",
-        "of them compacted",
-        "claimed",
-        "moves",
-        "layouts",
-    ];
-    let mut runs = output::table(&header, 3);
-    for run in &info.runs {
+    report
+}
+
+fn run_table(runs: &[RunSize]) -> TextTable {
+    let mut table = TextTable::new([
+        Column::text("run"),
+        Column::text("status"),
+        Column::text("created").optional(4),
+        Column::number("active leases").optional(3),
+        Column::number("episodes"),
+        Column::number("compacted").optional(1),
+        Column::number("claimed").optional(2),
+        Column::number("level moves").optional(1),
+        Column::number("layouts").optional(2),
+    ]);
+    for run in runs {
         let counts =
             [run.active, run.whole + run.compacted, run.compacted, run.claimed, run.moves, run.layouts];
         let words = [run.run.clone(), run.status.to_string(), rfc3339(run.created_at)];
-        runs.add_row(words.into_iter().chain(counts.map(|count| count.to_string())));
+        table.add_row(words.into_iter().chain(counts.map(|count| count.to_string())));
     }
-    text.push_str(&runs.to_string());
-    text
+    table
 }

@@ -26,7 +26,8 @@ Examples:
   sparring db check --replay 1000
   sparring db backup /backups/sparring-$(date +%F).sqlite3
   sparring db vacuum
-  sparring db export --run run-1a2b3c4d | jq -c 'select(.kind == \"episode\") | [.task, .level, .success]'")]
+  sparring db export --run run-1a2b3c4d | \\
+      jq -c 'select(.kind == \"episode\") | [.task, .level, .success]'")]
 pub struct Args {
     #[command(flatten)]
     database: DatabaseArgs,

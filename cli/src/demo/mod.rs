@@ -17,7 +17,7 @@ mod train;
 mod trainee;
 
 use std::collections::BTreeMap;
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -25,23 +25,26 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use api_types::{DesignSettingsRequest, DesignerChoice, RunRequest, TaskSettingsRequest};
 use clap::ValueEnum;
-use clap::builder::PossibleValuesParser;
 use curriculum::{StrategyKind, Target};
-use env_core::{Recipe, TaskSpec, World};
+use env_core::{Recipe, World};
 use orchestrator::service::{Config, Service};
+use tempfile::TempDir;
 
 use self::http::HttpFeed;
 use self::show::ProgressScreen;
 use self::summary::DemoSummary;
 use self::train::{MEMBERS, Progress, TrainingPlan, train};
 use self::trainee::LearnerMode;
+use super::interrupt::INTERRUPTED;
 use super::llm_args::LlmArgs;
-use super::options::{self, ChosenOption};
-use super::{output, worlds};
+use super::options::{self, ChosenOption, TaskOptions};
+use super::output::OutputTarget;
+use super::{names, output, worlds};
 
 /// Train a built-in learner against the service, over HTTP as any trainer would.
 ///
-/// The service listens on a free port of this machine. The learner is the task's reflex policy: a rule with a few numeric
+/// The service listens on a free port of this machine; the first line of the output has the URL of its dashboard, which shows
+/// the run live. The learner is the task's reflex policy: a rule with a few numeric
 /// parameters and no search (in kessler: how far to look ahead, what to dodge, when, how hard, and in which direction).
 /// The cross-entropy method improves the parameters from the reported scores; a population of 12 runs every scenario. The
 /// learner starts at level 0 of every task and climbs as it masters them. The controls `hold`, `blind` and `frozen` (random
@@ -52,9 +55,15 @@ pub struct Args {
     /// Number of episodes over all tasks [default: 60 000, fewer for tasks with long episodes]
     #[arg(long, value_name = "N", value_parser = parse_episodes)]
     episodes: Option<usize>,
-    /// Store the run in this database [default: a temporary one]
-    #[arg(long, value_name = "PATH", conflicts_with = "url")]
-    db: Option<PathBuf>,
+    /// Path of the database of the run; it is created if it does not exist
+    #[arg(long, default_value = "sparring-demo.sqlite3", value_name = "PATH", conflicts_with = "url")]
+    db: PathBuf,
+    /// Use a temporary database that is deleted at the end; overrides --db
+    #[arg(long, conflicts_with = "url")]
+    temporary: bool,
+    /// Exit after the training. Otherwise, on a terminal, the dashboard stays up until Ctrl-C
+    #[arg(long)]
+    exit: bool,
     /// Seed of the run's scenarios and of the learner
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..1 << 53))]
     seed: u64,
@@ -64,9 +73,9 @@ pub struct Args {
     /// Designer of layouts for the learner's weaknesses
     #[arg(long, value_enum, default_value = "auto")]
     designer: DesignerArg,
-    /// Task to train on, of any world; repeat the flag for several [default: all tasks of the first world]
-    #[arg(long = "task", value_name = "TASK",
-          value_parser = PossibleValuesParser::new(env_core::tasks().map(TaskSpec::id)))]
+    /// Task to train on, such as survival or docking/single; repeat the flag for several [default: all tasks of the first
+    /// world]
+    #[arg(long = "task", value_name = "TASK", value_delimiter = ',', value_parser = names::parse_task)]
     tasks: Vec<String>,
     /// Set a physics option, for all tasks or the named ones; repeat the flag to set several
     #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
@@ -138,7 +147,7 @@ fn describe_default_episodes() -> String {
 
 const AFTER_HELP: &str = "\
 Progress goes to stderr: a live table on a terminal, otherwise a line every five seconds and one per change of level. Ctrl-C \
-stops after the current batch; the summary is still printed.
+stops after the current batch; the summary is still printed, and the exit code is 130.
 
 JSON (--json), the last output on stdout: one object {learner, seed, episodes, seconds, stopped, run, db, physics, designed, \
 tasks}; physics has the requested options by task; designed is the share of groups with designed layouts. tasks has one \
@@ -149,8 +158,8 @@ at the current level, over the last success_scenarios contested scenarios (0.5 w
 Examples:
   sparring demo
   sparring demo --learner frozen --seed 3
-  sparring demo --task kessler/survival --physics contact=swept
-  sparring demo --task kessler/survival --episodes 20000 --db run.sqlite3 --json";
+  sparring demo --task survival --physics contact=swept
+  sparring demo --task survival --episodes 20000 --db run.sqlite3 --json";
 
 fn parse_episodes(text: &str) -> Result<usize, String> {
     match text.parse() {
@@ -166,54 +175,135 @@ fn parse_episodes(text: &str) -> Result<usize, String> {
 /// Returns an error if the service cannot be started or reached, or if it refuses a result.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
-    let (progress, run) = runtime.block_on(demo(args))?;
-    let db = args.db.as_deref();
-    let text = summary::text(&progress, &run, db);
-    if args.json {
-        // A closed stderr must not suppress the JSON object.
-        let _ = writeln!(std::io::stderr().lock(), "{}", text.trim_end());
-        output::print_json(&DemoSummary::new(&progress, &run, db))?;
-    } else {
-        output::print(&text)?;
+    runtime.block_on(demo(args))
+}
+
+/// Trains, prints the summary, and on a terminal keeps the dashboard up until Ctrl-C.
+async fn demo(args: &Args) -> anyhow::Result<ExitCode> {
+    check_options(args, &task_ids(args))?; // before a database is created
+    let service = DemoService::start(args).await?;
+    let ended = train_and_print(args, &service).await;
+    service.stop().await;
+    ended
+}
+
+async fn train_and_print(args: &Args, service: &DemoService) -> anyhow::Result<ExitCode> {
+    let (progress, run) = train_at(&service.url, args).await?;
+    print_summary(args, &progress, &run, service.kept.as_deref())?;
+    if progress.stopped {
+        return Ok(ExitCode::from(INTERRUPTED));
+    }
+    if service.own.is_some() && args.stays_up() {
+        output::print(&format!("\nOpen {} (Ctrl-C to stop)", dashboard_url(&service.url, &run)))?;
+        super::serve::stop_signal().await?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// Trains against the service at `--url`, or a service of its own. Returns the progress and the run's id.
-async fn demo(args: &Args) -> anyhow::Result<(Progress, String)> {
-    if let Some(url) = &args.url {
-        return train_at(url, args).await;
+/// Service that the demo trains against.
+struct DemoService {
+    url: String,
+    /// The service, if the demo started it.
+    own: Option<Service>,
+    /// Path of the database, if it outlives the demo.
+    kept: Option<PathBuf>,
+    /// Folder of a temporary database, which is deleted with this value.
+    _temporary: Option<TempDir>,
+}
+
+impl DemoService {
+    /// Starts a service, unless `--url` names one.
+    async fn start(args: &Args) -> anyhow::Result<Self> {
+        if let Some(url) = &args.url {
+            return Ok(Self { url: url.clone(), own: None, kept: None, _temporary: None });
+        }
+        let temporary = args.temporary.then(tempfile::tempdir).transpose()?;
+        let kept = (!args.temporary).then(|| args.db.clone());
+        let db = match &temporary {
+            Some(folder) => folder.path().join("demo.sqlite3"),
+            None => args.db.clone(),
+        };
+        let config = Config::local(db);
+        let designers = args.llm.designers(&config.clock)?;
+        let service = Service::start(Config { designers, ..config }).await?;
+        Ok(Self { url: service.url(), own: Some(service), kept, _temporary: temporary })
     }
-    let temporary = tempfile::tempdir()?;
-    let db = args.db.clone().unwrap_or_else(|| Path::new(temporary.path()).join("demo.sqlite3"));
-    let config = Config::local(db);
-    let designers = args.llm.designers(&config.clock)?;
-    let service = Service::start(Config { designers, ..config }).await?;
-    let trained = train_at(&service.url(), args).await;
-    service.stop().await;
-    trained
+
+    async fn stop(self) {
+        if let Some(service) = self.own {
+            service.stop().await;
+        }
+    }
+}
+
+impl Args {
+    /// Returns true if the dashboard stays up after the training.
+    fn stays_up(&self) -> bool {
+        !self.exit && !self.json && std::io::stdout().is_terminal() && std::io::stdin().is_terminal()
+    }
+}
+
+/// Returns the URL of a run's page.
+fn dashboard_url(service: &str, run: &str) -> String {
+    format!("{}/dashboard/#/runs/{run}", service.trim_end_matches('/'))
+}
+
+fn print_summary(args: &Args, progress: &Progress, run: &str, db: Option<&Path>) -> anyhow::Result<()> {
+    let report = summary::text_report(progress, run, db);
+    if args.json {
+        // A closed stderr must not suppress the JSON object.
+        let _ = writeln!(std::io::stderr().lock(), "{}", report.render(OutputTarget::stderr()));
+        output::print_json(&DemoSummary::new(progress, run, db))
+    } else {
+        output::print_report(&report)
+    }
 }
 
 async fn train_at(url: &str, args: &Args) -> anyhow::Result<(Progress, String)> {
-    let tasks = if args.tasks.is_empty() {
-        env_core::default_tasks().iter().map(|task| task.id().to_owned()).collect()
-    } else {
-        let mut tasks = args.tasks.clone();
-        tasks.sort_unstable();
-        tasks.dedup();
-        tasks
-    };
+    let tasks = task_ids(args);
+    let options = check_options(args, &tasks)?;
+    let episodes = args.episodes.unwrap_or_else(|| default_episodes(&tasks));
+    let feed = HttpFeed::create(url, &run_request(args, &tasks, &options)).await?;
+    // A closed stderr loses progress lines and nothing else.
+    let _ = writeln!(std::io::stderr().lock(), "Dashboard: {}", dashboard_url(url, feed.run()));
+    let plan = TrainingPlan { kind: args.learner, seed: args.seed, episodes, tasks, options };
+    let mut screen = ProgressScreen::new(episodes)?;
+    let trained = train(&feed, plan, &mut screen, &stop_on_ctrl_c()).await;
+    screen.close();
+    Ok((trained?, feed.run().to_owned()))
+}
+
+/// Returns the physics options by task.
+///
+/// # Errors
+/// Returns an error if a server would reject an option.
+fn check_options(args: &Args, tasks: &[String]) -> anyhow::Result<TaskOptions> {
     let specs: Vec<_> = tasks.iter().filter_map(|task| env_core::task(task)).collect();
     let options = options::by_task(&args.options, &specs)?;
     for task in specs {
         options::apply(Recipe::new(task)?, options.get(task.id()))?;
     }
-    let episodes = args.episodes.unwrap_or_else(|| default_episodes(&tasks));
+    Ok(options)
+}
+
+/// Returns the ids of the tasks to train on, each once.
+fn task_ids(args: &Args) -> Vec<String> {
+    if args.tasks.is_empty() {
+        return env_core::default_tasks().iter().map(|task| task.id().to_owned()).collect();
+    }
+    let mut tasks = args.tasks.clone();
+    tasks.sort_unstable();
+    tasks.dedup();
+    tasks
+}
+
+/// Returns the request that creates the demo's run.
+fn run_request(args: &Args, tasks: &[String], options: &TaskOptions) -> RunRequest {
     let physics = |options: &BTreeMap<String, String>| TaskSettingsRequest {
         physics: Some(options.clone()),
         ..Default::default()
     };
-    let request = RunRequest {
+    RunRequest {
         name: Some("sparring demo".to_owned()),
         seed: Some(args.seed),
         strategy: Some(StrategyKind::Ladder),
@@ -222,17 +312,11 @@ async fn train_at(url: &str, args: &Args) -> anyhow::Result<(Progress, String)> 
         // scenarios would measure only its luck, and the luck of the controls.
         placement: Some(false),
         group_size: Some(MEMBERS as u32),
-        tasks: Some(tasks.clone()),
+        tasks: Some(tasks.to_vec()),
         design: DesignSettingsRequest { designer: Some(args.designer.into()), ..Default::default() },
         task_settings: options.iter().map(|(&task, options)| (task.to_owned(), physics(options))).collect(),
         ..RunRequest::default()
-    };
-    let feed = HttpFeed::create(url, &request).await?;
-    let plan = TrainingPlan { kind: args.learner, seed: args.seed, episodes, tasks: tasks.clone(), options };
-    let mut screen = ProgressScreen::new(episodes)?;
-    let trained = train(&feed, plan, &mut screen, &stop_on_ctrl_c()).await;
-    screen.close();
-    Ok((trained?, feed.run().to_owned()))
+    }
 }
 
 /// Returns the default number of episodes for these tasks, derived from their longest horizon.
@@ -248,14 +332,12 @@ fn default_episodes(tasks: &[String]) -> usize {
 
 /// Returns a flag that the first Ctrl-C sets. The second Ctrl-C exits the process.
 fn stop_on_ctrl_c() -> Arc<AtomicBool> {
-    /// Exit code after an interrupt: 128 + SIGINT, as shells report it.
-    const INTERRUPTED: i32 = 130;
     let stop = Arc::new(AtomicBool::new(false));
     let interrupted = Arc::clone(&stop);
     tokio::spawn(async move {
         while tokio::signal::ctrl_c().await.is_ok() {
             if interrupted.swap(true, Ordering::Relaxed) {
-                std::process::exit(INTERRUPTED);
+                std::process::exit(INTERRUPTED.into());
             }
         }
     });

@@ -4,11 +4,11 @@ use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
 
 use api_types::TaskMastery;
-use comfy_table::{Cell, ColumnConstraint, Table};
 use env_core::space::Harder;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::super::{output, worlds};
+use super::super::output::{Column, OutputTarget, TextTable};
+use super::super::worlds;
 use super::feed::mastery_evidence;
 use super::train::{LevelChange, Progress, ProgressObserver};
 use super::trainee::Trainee;
@@ -72,7 +72,7 @@ impl ProgressObserver for ProgressScreen {
             Some(bar) => {
                 bar.set_position(progress.flown as u64);
                 bar.set_prefix(format!(", {:.0}/s", episodes_per_second(progress)));
-                bar.set_message(table(progress).use_stderr().to_string());
+                bar.set_message(table(progress).render(OutputTarget::stderr()));
             }
             None => self.print_line(&line(progress)),
         }
@@ -115,45 +115,26 @@ fn line(progress: &Progress) -> String {
     )
 }
 
-/// Terminal width in columns below which the table hides [`WIDE_ONLY_COLUMNS`].
-const MIN_FULL_WIDTH: u16 = 118;
-/// Indices of the columns that a narrow terminal hides: params, population, elite, episodes per second.
-const WIDE_ONLY_COLUMNS: [usize; 4] = [1, 6, 7, 9];
-
 /// Builds the table of all tasks: success on contested scenarios of the level with its bounds, success and skill over all
 /// episodes, and the success of the last generation.
-pub(super) fn table(progress: &Progress) -> Table {
-    let header = [
-        "task",
-        "params in force",
-        "level",
-        "contested (10–90 %)",
-        "all",
-        "skill",
-        "population",
-        "elite",
-        "episodes",
-        "per s",
-    ];
-    let mut table = output::table(&header, 2);
-    let narrow = table.width().is_some_and(|columns| columns < MIN_FULL_WIDTH);
-    for (index, column) in table.column_iter_mut().enumerate() {
-        match index {
-            // Params wrap between words; all other columns keep their content width.
-            1 if !narrow => {}
-            _ if narrow && WIDE_ONLY_COLUMNS.contains(&index) => {
-                column.set_constraint(ColumnConstraint::Hidden);
-            }
-            _ => {
-                column.set_constraint(ColumnConstraint::ContentWidth);
-            }
-        }
-    }
+pub(super) fn table(progress: &Progress) -> TextTable {
+    let mut table = TextTable::new([
+        Column::text("task"),
+        Column::prose("params in force").optional(1),
+        Column::number("level"),
+        Column::number("contested (10–90 %)"),
+        Column::number("all"),
+        Column::number("skill"),
+        Column::number("population").optional(3),
+        Column::number("elite").optional(3),
+        Column::number("episodes"),
+        Column::number("per s").optional(2),
+    ]);
     for task in &progress.mastery {
         let generation = progress.trainees.get(&task.task).and_then(Trainee::last_success);
         let rate = task.results.episodes as f64 / progress.elapsed.as_secs_f64().max(1e-3);
         let contested = mastery_evidence(task).map(|m| format!("{:.2} ({:.2}–{:.2})", m.mean, m.q10, m.q90));
-        let cells = [
+        table.add_row([
             task.task.clone(),
             harder_params(task),
             task.level.map_or_else(|| DASH.to_owned(), |level| level.to_string()),
@@ -164,8 +145,7 @@ pub(super) fn table(progress: &Progress) -> Table {
             share(generation.map(|success| success.elite)),
             task.results.episodes.to_string(),
             format!("{rate:.0}"),
-        ];
-        table.add_row(cells.into_iter().map(Cell::new).collect::<Vec<_>>());
+        ]);
     }
     table
 }

@@ -1,7 +1,6 @@
 //! Summary of a finished demo run: text for people and one JSON object for programs.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write;
 use std::path::Path;
 
 use api_types::{MasteryEstimate, TaskMastery};
@@ -9,6 +8,7 @@ use env_core::reflex::ParameterMeaning;
 use serde::Serialize;
 
 use super::super::options::{self, TaskOptions};
+use super::super::output::Report;
 use super::super::worlds;
 use super::designs::TaskDesignSummary;
 use super::feed::mastery_evidence;
@@ -18,8 +18,6 @@ use super::trainee::{GenerationSuccess, LearnerMode, Trainee};
 
 /// Width of the level chart of a task, in characters.
 const CHART_WIDTH: usize = 48;
-/// Width of wrapped text, in characters.
-const TEXT_WIDTH: usize = 100;
 const BLOCKS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 
 /// Summary of a run, printed as one JSON object.
@@ -120,8 +118,8 @@ fn moves<'a>(progress: &'a Progress, task: &'a str) -> impl Iterator<Item = &'a 
     progress.moves.iter().filter(move |moved| moved.task == task)
 }
 
-/// Formats the summary of a run as text.
-pub(super) fn text(progress: &Progress, run: &str, db: Option<&Path>) -> String {
+/// Reports the summary of a run.
+pub(super) fn text_report(progress: &Progress, run: &str, db: Option<&Path>) -> Report {
     let learner = match progress.plan.kind {
         LearnerMode::Learn => "The learner",
         LearnerMode::Hold => "Holding (a control that takes no action)",
@@ -129,76 +127,66 @@ pub(super) fn text(progress: &Progress, run: &str, db: Option<&Path>) -> String 
         LearnerMode::Frozen => "The frozen learner (a control with random parameters, never updated)",
     };
     let seconds = progress.elapsed.as_secs_f64();
-    let mut out = format!(
-        "\n{learner} ran {} episodes in {seconds:.0} s ({:.0}/s), seed {}{}.\n\n{}\n",
+    let mut report = Report::default();
+    report.paragraph(format!(
+        "{learner} ran {} episodes in {seconds:.0} s ({:.0}/s), seed {}{}.",
         progress.flown,
         episodes_per_second(progress),
         progress.plan.seed,
         if progress.stopped { ", and was stopped early" } else { "" },
-        table(progress),
-    );
+    ));
+    report.separate_table(table(progress));
     if !progress.plan.options.is_empty() {
-        // Writing into a string cannot fail.
-        let _ = writeln!(out, "\nPhysics: {}.", options::describe(&progress.plan.options));
+        report.paragraph(format!("Physics: {}.", options::describe(&progress.plan.options)));
     }
     for task in &progress.mastery {
-        // Writing into a string cannot fail.
-        let _ = write!(out, "\n{}", task_paragraph(progress, task));
+        add_task(&mut report, progress, task);
     }
     if let Some(share) = progress.designs.share.filter(|share| *share > 0.0) {
-        let _ = writeln!(
-            out,
-            "\n{:.0} % of all groups had designed layouts; these do not move levels.",
+        report.paragraph(format!(
+            "{:.0} % of all groups had designed layouts; these do not move levels.",
             100.0 * share
-        );
+        ));
     }
     if progress.late > 0 {
-        let _ = writeln!(
-            out,
-            "\n{} results arrived after their lease had ended and did not count.",
+        report.paragraph(format!(
+            "{} results arrived after their lease had ended and did not count.",
             progress.late
-        );
+        ));
     }
     if let Some(db) = db {
-        let _ = writeln!(
-            out,
-            "\nThe run is stored in {0} as {run}; `sparring serve --db {0}` shows it at /dashboard.",
+        report.paragraph(format!(
+            "Run {run} is stored in {0}; `sparring serve --db {0}` shows it.",
             db.display()
-        );
+        ));
     }
-    out
+    report
 }
 
-fn task_paragraph(progress: &Progress, task: &TaskMastery) -> String {
-    let mut out = format!("{}\n", task.task);
+fn add_task(report: &mut Report, progress: &Progress, task: &TaskMastery) {
+    report.paragraph(&task.task);
     let level = task.level.unwrap_or(0);
     let top = env_core::task(&task.task).map_or(9, |spec| spec.levels().len().saturating_sub(1));
     let of_task: Vec<&LevelChange> = moves(progress, &task.task).collect();
     let chart = level_chart(&of_task, progress.flown, top as u32);
-    let wrapping = textwrap::Options::new(TEXT_WIDTH).initial_indent("  ").subsequent_indent("    ");
-    let mut line = |text: String| {
-        out.push_str(&textwrap::fill(&text, &wrapping));
-        out.push('\n');
-    };
-    line(format!("level over time  0 {chart} {level}   (of 0 to {top})"));
-    line(match mastered_levels(&of_task) {
+    report.item(format!("level over time  0 {chart} {level}   (of 0 to {top})"));
+    report.item(match mastered_levels(&of_task) {
         Some(levels) => format!("Mastered: {levels}."),
-        None => "Mastered: nothing.".to_owned(),
+        None => "Mastered: no level.".to_owned(),
     });
     if let Some(last) = of_task.last() {
-        line(format!("Last move, after {} episodes: {}.", last.at, last.why.trim_end_matches('.')));
+        report.item(format!("Last move, after {} episodes: {}.", last.at, last.why.trim_end_matches('.')));
     }
-    line(describe_frontier(task, level, top));
+    report.item(describe_frontier(task, level, top));
     if let Some(designs) = progress.designs.summarize_task(&task.task).describe() {
-        line(designs);
+        report.item(designs);
     }
     if let Some(learnt) = describe_reflex(progress, task) {
-        line(learnt);
+        report.item(learnt);
     }
     for warning in &task.warnings {
-        line(format!("Warning: {warning}"));
+        report.item(format!("Warning: {warning}"));
     }
-    out
 }
 
 /// Lists the levels that were left upwards, as "levels 0 to 4" or "levels 1 and 2".

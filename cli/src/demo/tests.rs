@@ -23,6 +23,7 @@ use super::feed::{Feed, FinishedEpisode};
 use super::train::{LevelChange, MEMBERS, Progress, ProgressObserver, TrainingPlan, train};
 use super::trainee::{LearnerMode, Member, Trainee};
 use crate::options::TaskOptions;
+use crate::output::OutputTarget;
 
 struct LocalFeed {
     seed: u64,
@@ -278,7 +279,7 @@ fn learner_learns_in_every_world() {
     println!("{:?}, {:?}", trainee.last_success(), progress.mastery[0]);
     // Measured: level 1 after 2 700 episodes of this seed; holding and the blind plan never leave level 0.
     assert!(progress.mastery[0].level >= Some(1), "{:?}", progress.mastery);
-    let words = super::summary::text(&progress, "r", None);
+    let words = super::summary::text_report(&progress, "r", None).render(OutputTarget::Terminal(100));
     assert!(words.contains("m/s") && !words.contains("LU"), "{words}");
     let held = trained_on("docking/multiagent", LearnerMode::Blind, 1, 600);
     assert!(held.mastery[0].mastery.unwrap().mean < 0.05, "{:?}", held.mastery);
@@ -310,7 +311,8 @@ fn stop_request_ends_leasing_and_still_sums_up() {
 #[test]
 fn the_summary_says_what_happened() {
     let progress = trained(LearnerMode::Learn, 5, 3000);
-    let words = super::summary::text(&progress, "r", Some(std::path::Path::new("x.sqlite3")));
+    let words = super::summary::text_report(&progress, "r", Some(std::path::Path::new("x.sqlite3")))
+        .render(OutputTarget::Terminal(100));
     for part in
         ["The learner ran 3000 episodes", TASK, "Mastered:", "look ahead", "sparring serve --db x.sqlite3"]
     {
@@ -327,7 +329,7 @@ fn the_summary_says_what_happened() {
 #[test]
 fn over_http_the_same_seed_is_the_same_run() {
     same_seed_over_http(
-        "demo --designer off --episodes 1500 --seed 6 --task kessler/survival --task kessler/eco_station",
+        "demo --temporary --designer off --episodes 1500 --seed 6 --task kessler/survival --task kessler/eco_station",
         1500,
     );
 }
@@ -335,7 +337,18 @@ fn over_http_the_same_seed_is_the_same_run() {
 /// Covers long episodes and a number of agents that depends on the level.
 #[test]
 fn over_http_the_same_seed_is_the_same_run_in_every_world() {
-    same_seed_over_http("demo --episodes 480 --seed 6 --task docking/single --task docking/multiagent", 480);
+    same_seed_over_http(
+        "demo --temporary --episodes 480 --seed 6 --task docking/single --task docking/multiagent",
+        480,
+    );
+}
+
+/// Runs the demo without its output.
+async fn run_demo(args: &super::Args) -> anyhow::Result<(Progress, String)> {
+    let service = super::DemoService::start(args).await?;
+    let trained = super::train_at(&service.url, args).await;
+    service.stop().await;
+    trained
 }
 
 fn same_seed_over_http(line: &str, episodes: usize) {
@@ -345,8 +358,8 @@ fn same_seed_over_http(line: &str, episodes: usize) {
     )
     .unwrap();
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
-    let (one, _) = runtime.block_on(super::demo(&args)).unwrap();
-    let (other, _) = runtime.block_on(super::demo(&args)).unwrap();
+    let (one, _) = runtime.block_on(run_demo(&args)).unwrap();
+    let (other, _) = runtime.block_on(run_demo(&args)).unwrap();
     assert_eq!((one.flown, one.late, one.stopped), (episodes, 0, false));
     assert_eq!(one.mastery.iter().map(|task| task.results.episodes).sum::<i64>(), episodes as i64);
     for (task, trainee) in &one.trainees {
@@ -369,13 +382,13 @@ fn options_are_the_runs_physics() {
         .unwrap()
     };
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
-    let demo = |line: &str| runtime.block_on(super::demo(&args(line)));
-    let plain = "demo --episodes 240 --seed 6 --task kessler/survival";
+    let demo = |line: &str| runtime.block_on(run_demo(&args(line)));
+    let plain = "demo --temporary --episodes 240 --seed 6 --task kessler/survival";
     let (swept, run) = demo(&format!("{plain} --physics contact=swept --physics gravity=j2")).unwrap();
     let (other, _) = demo(plain).unwrap();
     assert_eq!((swept.flown, swept.late), (240, 0));
     assert_ne!(swept.mastery[0].results.score, other.mastery[0].results.score, "another physics");
-    let words = super::summary::text(&swept, &run, None);
+    let words = super::summary::text_report(&swept, &run, None).render(OutputTarget::Terminal(100));
     assert!(words.contains("\nPhysics: kessler/survival: contact swept, gravity j2.\n"), "{words}");
     let summary = serde_json::to_value(super::summary::DemoSummary::new(&swept, &run, None)).unwrap();
     assert_eq!(summary["physics"]["kessler/survival"]["contact"], "swept");

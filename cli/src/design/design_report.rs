@@ -75,7 +75,7 @@ impl DesignReport {
         counts.filter(|(_, count)| *count > 0).collect()
     }
 
-    /// Builds the JSON object of `--format json`.
+    /// Builds the JSON object of `--json`.
     pub(super) fn json(&self) -> Value {
         let usage = &self.usage;
         let refused: BTreeMap<_, _> = self.refused_by_check().into_iter().collect();

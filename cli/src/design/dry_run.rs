@@ -4,7 +4,7 @@ use designer::procedural::ProceduralDesigner;
 use designer::{DesignBrief, DesignLanguage};
 use serde_json::{Value, json};
 
-use super::super::output::{self, Format};
+use super::super::output::{self, Column, Report, TextTable};
 use super::designers::{self, DesignerKind, ModelRequest};
 use super::{Args, table};
 use crate::worlds::describe_param;
@@ -16,14 +16,14 @@ use crate::worlds::describe_param;
 pub(super) fn show(args: &Args, brief: &DesignBrief, language: &dyn DesignLanguage) -> anyhow::Result<()> {
     let uses_model = args.designer == Some(DesignerKind::Llm);
     let ModelRequest { prompt, schema } = designers::model_request(brief, language);
-    match args.format {
-        Format::Json if uses_model => output::print_json(&json!({"prompt": prompt, "schema": schema})),
-        Format::Table if uses_model => {
+    match (args.output.json, uses_model) {
+        (true, true) => output::print_json(&json!({"prompt": prompt, "schema": schema})),
+        (false, true) => {
             let schema = serde_json::to_string_pretty(&schema)?;
             output::print(&format!("{}\n\nThe schema of a layout:\n{schema}", prompt.trim_end()))
         }
-        Format::Json => output::print_json(&json(brief, language)),
-        Format::Table => output::print(&text(brief, language)),
+        (true, false) => output::print_json(&json(brief, language)),
+        (false, false) => output::print_report(&text_report(brief, language)),
     }
 }
 
@@ -42,14 +42,15 @@ fn json(brief: &DesignBrief, language: &dyn DesignLanguage) -> Value {
     })
 }
 
-pub(super) fn text(brief: &DesignBrief, language: &dyn DesignLanguage) -> String {
-    let mut parts = vec![heading(brief)];
+pub(super) fn text_report(brief: &DesignBrief, language: &dyn DesignLanguage) -> Report {
+    let mut report = Report::default();
+    report.paragraph(heading(brief));
     if !brief.param_choices.is_empty() {
-        parts.push(limits(brief));
+        report.separate_table(limits(brief));
     }
-    parts.push(profile(brief));
-    parts.push(ideas(brief, language));
-    parts.join("\n\n")
+    add_profile(&mut report, brief);
+    report.separate_table(ideas(brief, language));
+    report
 }
 
 fn heading(brief: &DesignBrief) -> String {
@@ -70,26 +71,33 @@ fn heading(brief: &DesignBrief) -> String {
             s.mean, s.q10, s.q90, s.n
         );
     }
-    textwrap::fill(&text, 100)
+    text
 }
 
-fn limits(brief: &DesignBrief) -> String {
-    let mut table = output::table(&["param", "allowed values"], 2);
+fn limits(brief: &DesignBrief) -> TextTable {
+    let mut table = TextTable::new([Column::text("param"), Column::prose("allowed values")]);
     for limit in &brief.param_choices {
         let values = limit.values.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
         table.add_row([limit.param.clone(), values]);
     }
-    table.to_string()
+    table
 }
 
-/// Each mode with its share, and the bearings it mostly comes from in either frame.
-fn profile(brief: &DesignBrief) -> String {
+/// Adds each mode with its share, and the bearings it mostly comes from in either frame.
+fn add_profile(report: &mut Report, brief: &DesignBrief) {
     let profile = &brief.profile;
     let all = profile.total_weight();
     if all <= 0.0 {
-        return "There are no failures to design for: debris comes from all directions.".to_owned();
+        report.paragraph("There are no failures to design for: debris comes from all directions.");
+        return;
     }
-    let mut table = output::table(&["failure mode", "share", "count", "radial/in-track", "inertial"], 1);
+    let mut table = TextTable::new([
+        Column::text("failure mode"),
+        Column::number("share"),
+        Column::number("count").optional(1),
+        Column::text("radial/in-track"),
+        Column::text("inertial").optional(2),
+    ]);
     for mode in profile.modes.iter().filter(|mode| mode.weight > 0.0) {
         table.add_row([
             table::one_line(&mode.mode),
@@ -99,7 +107,12 @@ fn profile(brief: &DesignBrief) -> String {
             heaviest_sectors(&mode.inertial_sector_weights()),
         ]);
     }
-    format!("Failures over {} episodes, and the bearings of most of them:\n{table}", profile.criticised)
+    report
+        .paragraph(format!(
+            "Failures over {} episodes, and the bearings of most of them:",
+            profile.criticised
+        ))
+        .table(table);
 }
 
 /// Lists the three heaviest sectors of a rose with their centres and shares.
@@ -114,12 +127,12 @@ fn heaviest_sectors(rose: &[f64]) -> String {
     heaviest.collect::<Vec<_>>().join(", ")
 }
 
-fn ideas(brief: &DesignBrief, language: &dyn DesignLanguage) -> String {
-    let mut table = output::table(&["first ideas aim at", "encounters"], 1);
+fn ideas(brief: &DesignBrief, language: &dyn DesignLanguage) -> TextTable {
+    let mut table = TextTable::new([Column::text("first ideas aim at"), Column::number("encounters")]);
     for idea in ProceduralDesigner::preview(brief, language, brief.count) {
         if let Some(listing) = language.table(&idea) {
             table.add_row([listing.aim, listing.rows.len().to_string()]);
         }
     }
-    table.to_string()
+    table
 }

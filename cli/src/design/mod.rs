@@ -28,8 +28,9 @@ use self::brief::RunSnapshot;
 use self::design_report::{DesignReport, LayoutResult};
 use self::designers::DesignerKind;
 use super::llm_args::LlmArgs;
+use super::names;
 use super::options::{self, ChosenOption};
-use super::output::{Format, print, print_json};
+use super::output::{self, JsonFlag};
 
 /// Design solvable layouts that defeat an agent, and check them at the gate.
 ///
@@ -57,7 +58,7 @@ pub struct Args {
     profile: Option<PathBuf>,
     /// Task to design for; with --layouts, check only the layouts of this task [default: the task with the most failures
     /// of the run or profile, otherwise kessler/survival]
-    #[arg(long, value_name = "TASK")]
+    #[arg(long, value_name = "TASK", value_parser = names::parse_task)]
     task: Option<String>,
     /// Level to design for; layouts may use params from two levels below to two above [default: the run's level, or 3
     /// without a run]
@@ -92,9 +93,8 @@ pub struct Args {
     /// Write the admitted layouts to this file, in the format of --layouts
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Set the output format
-    #[arg(long, value_enum, default_value = "table")]
-    format: Format,
+    #[command(flatten)]
+    output: JsonFlag,
     #[command(flatten)]
     llm: LlmArgs,
 }
@@ -114,7 +114,7 @@ A file of layouts is JSON: {\"layouts\": [{\"name\": \"from below\", \"scenario\
 {\"debris\": 0, \"fuel\": 20}, \"seed\": 5, \"layout\": {\"mode\": \"extend\", \"bodies\": {\"debris\": [[15, -85.9, 2.3, \
 4.4]]}}}}]}. A body is x, y, vx, vy. A layout whose provenance is a design must equal the result of that design.
 
-JSON (--format json): one object {designer, layouts, summary, warnings}. Each layout: {name, designer, round, task, design, \
+JSON (--json): one object {designer, layouts, summary, warnings}. Each layout: {name, designer, round, task, design, \
 kind, admitted, check, refusal, scenario, scenario_id, hold, floor, reference, panel_successes, novelty}; values that the gate \
 did not compute are null. summary is {admitted, refused: {check: count}, rounds, tokens_in, tokens_out, cost, model, prompt_version, seconds}.";
 
@@ -122,10 +122,12 @@ const EXAMPLES: &str = "\
 Examples:
   sparring design --task kessler/survival --level 4 --n 4
   sparring design --run my-run --svg pictures --out mine.json
-  curl -s http://127.0.0.1:8700/v1/runs/my-run/failure_profiles > profile.json && sparring design --profile profile.json
+  curl -s http://127.0.0.1:8700/v1/runs/my-run/failure_profiles > profile.json
+  sparring design --profile profile.json
   sparring design --profile profile.json --task kessler/eco_station --dry-run
-  sparring design --run my-run --designer llm --llm-url http://127.0.0.1:8080/v1 --llm-model name
-  sparring design --layouts mine.json --format json";
+  sparring design --run my-run --designer llm \\
+      --llm-url http://127.0.0.1:8080/v1 --llm-model name
+  sparring design --layouts mine.json --json";
 
 /// Designs layouts, passes them through the gate and prints the result.
 ///
@@ -253,12 +255,14 @@ fn print_report(args: &Args, outcome: &DesignReport) -> anyhow::Result<()> {
         }
     }
     // The report is printed even if a file could not be written.
-    match args.format {
-        Format::Json => print_json(&outcome.json())?,
-        Format::Table => {
-            let parts = std::iter::once(table::text(outcome)).chain(written);
-            print(&parts.collect::<Vec<_>>().join("\n"))?;
+    if args.output.json {
+        output::print_json(&outcome.json())?;
+    } else {
+        let mut report = table::text_report(outcome);
+        for sentence in written {
+            report.line(sentence);
         }
+        output::print_report(&report)?;
     }
     failed.map_or(Ok(()), Err)
 }

@@ -2,83 +2,77 @@
 
 use std::fmt::Write;
 
-use comfy_table::CellAlignment;
 use designer::DesignTable;
 
-use super::super::output;
+use super::super::output::{Column, Report, TextTable};
 use super::design_report::{DesignReport, GateReport, LayoutResult};
 
-/// Width of wrapped text, in characters.
-const TEXT_WIDTH: usize = 100;
 /// Largest number of refused layouts that are listed.
 const MAX_LISTED_REFUSALS: usize = 12;
 
-/// Formats the admitted layouts with their encounters, the refused ones with reasons, and a summary.
-pub(super) fn text(outcome: &DesignReport) -> String {
-    let mut parts: Vec<String> = Vec::new();
+/// Reports the admitted layouts with their encounters, the refused ones with reasons, and a summary.
+pub(super) fn text_report(outcome: &DesignReport) -> Report {
+    let mut report = Report::default();
     for row in &outcome.rows {
         if let Ok(passed) = &row.verdict {
-            parts.push(admitted(row, passed));
+            add_admitted(&mut report, row, passed);
         }
     }
-    let refused = refused(outcome);
-    if !refused.is_empty() {
-        parts.push(refused);
+    add_refused(&mut report, outcome);
+    report.paragraph(summary(outcome));
+    for warning in &outcome.warnings {
+        report.line(one_line(warning));
     }
-    parts.push(summary(outcome));
-    parts.join("\n\n") + "\n"
+    report
 }
 
-fn admitted(row: &LayoutResult, passed: &GateReport) -> String {
+fn add_admitted(report: &mut Report, row: &LayoutResult, passed: &GateReport) {
     let listing = row.listing();
     let aim =
         listing.as_ref().map_or_else(|| "without a design".to_owned(), |l| format!("aimed at {}", l.aim));
     let name = one_line(&row.name);
-    let mut text =
-        textwrap::fill(&format!("{name} ({}): {}, {aim}", row.task, passed.kind.as_str()), TEXT_WIDTH);
+    report.paragraph(format!("{name} ({}): {}, {aim}", row.task, passed.kind.as_str()));
     let bracket = &passed.bracket;
     let novelty = passed.novelty.map_or_else(String::new, |novelty| format!(", novelty {novelty:.3}"));
-    let _ = write!(
-        text,
-        "\nadmitted in round {}: hold {:.3}, floor {:.3}, reference {:.3}{novelty}",
+    report.line(format!(
+        "admitted in round {}: hold {:.3}, floor {:.3}, reference {:.3}{novelty}",
         row.round,
         bracket.hold_score(),
         bracket.floor,
         bracket.reference.score,
-    );
+    ));
     if let Some(listing) = listing {
-        let _ = write!(text, "\n{}", encounters(listing));
+        report.table(encounters(listing));
     }
-    text
 }
 
-fn encounters(listing: DesignTable) -> String {
+fn encounters(listing: DesignTable) -> TextTable {
     let DesignTable { header, rows, .. } = listing;
-    let mut table = output::table(&header, 0);
-    if let Some(last) = header.len().checked_sub(1).and_then(|last| table.column_mut(last)) {
-        last.set_cell_alignment(CellAlignment::Left);
-    }
-    table.add_rows(rows);
-    table.to_string()
+    let last = header.len().saturating_sub(1);
+    let column = |(index, &title): (usize, &&str)| {
+        if index == last { Column::text(title) } else { Column::number(title) }
+    };
+    let mut table = TextTable::new(header.iter().enumerate().map(column));
+    rows.into_iter().for_each(|row| table.add_row(row));
+    table
 }
 
-fn refused(outcome: &DesignReport) -> String {
+fn add_refused(report: &mut Report, outcome: &DesignReport) {
     let all: Vec<_> =
         outcome.rows.iter().filter_map(|row| Some((row, row.verdict.as_ref().err()?))).collect();
-    let mut lines: Vec<String> = Vec::new();
-    for (row, why) in all.iter().take(MAX_LISTED_REFUSALS) {
+    for (at, (row, why)) in all.iter().take(MAX_LISTED_REFUSALS).enumerate() {
         let aim = row.listing().map_or_else(String::new, |listing| format!(", aimed at {}", listing.aim));
         let line = format!("{}{aim}: refused, {}: {why}", one_line(&row.name), why.check().as_str());
-        let indented = textwrap::Options::new(TEXT_WIDTH).subsequent_indent("  ");
-        lines.push(textwrap::fill(&line, indented));
+        if at == 0 {
+            report.paragraph(line);
+        } else {
+            report.line(line);
+        }
     }
     if all.len() > MAX_LISTED_REFUSALS {
-        lines.push(format!(
-            "{} more were refused; --format json has all of them.",
-            all.len() - MAX_LISTED_REFUSALS
-        ));
+        let more = all.len() - MAX_LISTED_REFUSALS;
+        report.line(format!("{more} more were refused; --json has all of them."));
     }
-    lines.join("\n")
 }
 
 fn summary(outcome: &DesignReport) -> String {
@@ -103,8 +97,7 @@ fn summary(outcome: &DesignReport) -> String {
             write!(text, ", {} {} tokens in and {} out", one_line(model), usage.tokens_in, usage.tokens_out);
     }
     text.push('.');
-    let warnings = outcome.warnings.iter().map(|warning| textwrap::fill(&one_line(warning), TEXT_WIDTH));
-    std::iter::once(textwrap::fill(&text, TEXT_WIDTH)).chain(warnings).collect::<Vec<_>>().join("\n")
+    text
 }
 
 /// Replaces control characters of foreign text, so that it cannot move the cursor or change colours.

@@ -5,6 +5,7 @@ use env_core::Scenario;
 use serde_json::{Value, json};
 
 use super::*;
+use crate::output::OutputTarget;
 
 #[derive(Debug, Parser)]
 struct DesignCommand {
@@ -83,16 +84,20 @@ fn outcome() -> DesignReport {
     DesignReport { designer: "llm", rows, usage, warnings, elapsed: Duration::from_millis(1234) }
 }
 
+fn text(outcome: &DesignReport) -> String {
+    table::text_report(outcome).render(OutputTarget::Terminal(100))
+}
+
 #[test]
 fn layouts_are_listed_with_their_encounters() {
     let mut outcome = outcome();
-    let text = table::text(&outcome);
-    assert!(!text.contains('\u{1b}'), "a name cannot reach into the terminal");
-    insta::assert_snapshot!("layouts", text);
+    let listed = text(&outcome);
+    assert!(!listed.contains('\u{1b}'), "a name cannot reach into the terminal");
+    insta::assert_snapshot!("layouts", listed);
     insta::assert_json_snapshot!("json", outcome.json(), { ".layouts[].scenario.layout.bodies" => "[bodies]" });
     let refused = outcome.rows.pop().unwrap();
     outcome.rows.clear();
-    assert!(table::text(&outcome).starts_with("No layouts."));
+    assert!(text(&outcome).starts_with("No layouts."));
     for _ in 0..15 {
         let verdict = refused.verdict.as_ref().map(|_| unreachable!("it was refused")).map_err(Clone::clone);
         let (name, scenario) = (String::new(), None);
@@ -106,7 +111,7 @@ fn layouts_are_listed_with_their_encounters() {
             verdict,
         });
     }
-    assert!(table::text(&outcome).contains("3 more were refused"));
+    assert!(text(&outcome).contains("3 more were refused"));
 }
 
 /// A written file is read, admitted and written again by `--layouts`, for every task with a designer.
@@ -128,7 +133,7 @@ fn admitted_layouts_are_read_back() {
         let (out, again) = (at("out.json"), at("again.json"));
         let line = ["--profile", path(&profile), "--level", level, "--n", "3", "--out", &out];
         assert_eq!(run(&args(&line)).unwrap(), ExitCode::SUCCESS, "{task}");
-        let line = ["--layouts", &out, "--out", &again, "--format", "json"];
+        let line = ["--layouts", &out, "--out", &again, "--json"];
         let outcome = design_layouts(&args(&line)).unwrap();
         let refused: Vec<_> = outcome.rows.iter().filter_map(|row| row.verdict.as_ref().err()).collect();
         assert!(refused.is_empty() && outcome.rows.len() == 3, "{task}: {refused:?}");
@@ -165,7 +170,8 @@ fn dry_run_prints_the_brief() {
     let args = args(&line);
     let mut brief = build_brief(&args, &runtime().unwrap()).unwrap();
     brief.mastery = Some(designer::brief::LevelMastery { n: 64, mean: 0.5, q10: 0.42, q90: 0.58 });
-    let text = dry_run::text(&brief, language_of(&brief).unwrap());
+    let report = dry_run::text_report(&brief, language_of(&brief).unwrap());
+    let text = report.render(OutputTarget::Terminal(100));
     // The designer's own tests cover the ideas.
     let (known, ideas) = text.split_once("first ideas").unwrap();
     insta::assert_snapshot!("dry_run", known);
@@ -206,7 +212,7 @@ fn files_of_any_world_pass_the_gate() {
     let good = file(&json!({"layouts": [entry("dock", &docking)]}).to_string());
     assert_eq!(run(&args(&["--layouts", path(&good)])).unwrap(), ExitCode::SUCCESS);
     let both = file(&json!({"layouts": [entry("dock", &docking), entry("empty", &empty)]}).to_string());
-    assert_eq!(run(&args(&["--layouts", path(&both), "--format", "json"])).unwrap(), ExitCode::FAILURE);
+    assert_eq!(run(&args(&["--layouts", path(&both), "--json"])).unwrap(), ExitCode::FAILURE);
     let outcome = design_layouts(&args(&["--layouts", path(&both)])).unwrap();
     assert_eq!(outcome.json()["summary"]["refused"], json!({"contested": 1}));
     let one = design_layouts(&args(&["--layouts", path(&both), "--task", "docking/single"])).unwrap();

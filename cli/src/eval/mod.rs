@@ -17,7 +17,7 @@ use clap::builder::PossibleValuesParser;
 
 use self::physics::ChangedPhysics;
 use super::options::{self, ChosenOption};
-use super::output::{self, Format};
+use super::output::{self, JsonFlag};
 use super::worlds;
 use orchestrator::evaluation::report::ReportSettings;
 use orchestrator::evaluation::suite::Suite;
@@ -68,9 +68,8 @@ pub struct Args {
     /// Override a physics option of the suite, for all its tasks or the named ones; repeat the flag to set several
     #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
     options: Vec<ChosenOption>,
-    /// Set the output format
-    #[arg(long, value_enum, default_value = "table")]
-    format: Format,
+    #[command(flatten)]
+    output: JsonFlag,
 }
 
 fn against_names() -> Vec<&'static str> {
@@ -95,7 +94,7 @@ const AFTER_HELP: &str = "\
 With overridden physics options, floors and references are recomputed, so skill and success stay valid; the parts stay those of \
 the suite. Such a report is not comparable with one of the unmodified suite, and says so.
 
-JSON (--format json): one object {suite, suite_hash, planner, physics, comparable, note, seed, rollouts, confidence, \
+JSON (--json): one object {suite, suite_hash, planner, physics, comparable, note, seed, rollouts, confidence, \
 resamples, scenarios, rows, against, comparisons}. physics has the overridden options by task; comparable is false if there \
 are any, and note then explains it. Each row: {task (an id, or \"all\" if the suite is of one world), part (\"contested\", \
 \"as_they_come\" or \"all\"), policy, scenarios, score, success, skill, lost, fuel_used, cvar10}, the last six as {mean, low, \
@@ -105,10 +104,11 @@ policy against, and the probability that an episode scores higher.
 
 Examples:
   sparring eval --policy heuristic
-  sparring eval --suite docking-heldout-v1 --policy hold,blind,heuristic,reference --format json
+  sparring eval --suite docking-heldout-v1 --policy hold,blind,heuristic --json
   sparring eval --policy heuristic --physics contact=swept --physics gravity=j2
-  sparring eval --policy hold,random,heuristic --rollouts 8 --against heuristic --svg policies.svg
-  sparring eval --suite my-suite-v1.json --policy frozen --rollouts 8 --seed 1";
+  sparring eval --policy hold,random,heuristic --rollouts 8 \\
+      --against heuristic --svg policies.svg
+  sparring eval --suite my-suite-v1.json --policy frozen --rollouts 8";
 
 /// Evaluates the policies and prints the report.
 ///
@@ -123,9 +123,10 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let (suite, physics) = with_physics(suite, args)?;
     let results = roll_out_policies(&suite, args)?;
     let report = build_report(&suite, hash, args, physics, &results);
-    match args.format {
-        Format::Table => output::print(&tables::tables(&report))?,
-        Format::Json => output::print_json(&report)?,
+    if args.output.json {
+        output::print_json(&report)?;
+    } else {
+        output::print_report(&tables::text_report(&report))?;
     }
     if let Some(path) = &args.svg {
         let drawn = picture::draw(&report).map_err(|error| anyhow!("{error}"))?;

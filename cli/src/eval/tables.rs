@@ -4,42 +4,66 @@ use api_types::{ComparisonEstimates, Estimate, EvaluationEstimates, SuiteSection
 use orchestrator::evaluation::EvaluationReport;
 use orchestrator::evaluation::report::ALL_LABEL;
 
-use crate::output;
+use crate::output::{Column, Report, TextTable};
 
-/// Formats one table per task, then the comparisons. If all tasks belong to one world, a joint table comes first.
-pub(super) fn tables(report: &EvaluationReport) -> String {
-    let mut text = format!(
-        "{}: {} scenarios, hash {}…, planner {}; means with {:.0} % bootstrap intervals over scenarios\n",
+/// Reports one table per task, then the comparisons. If all tasks belong to one world, a joint table comes first.
+pub(super) fn text_report(report: &EvaluationReport) -> Report {
+    let mut text = Report::default();
+    text.paragraph(format!(
+        "{}: {} scenarios, hash {}…, planner {}; means with {:.0} % bootstrap intervals over scenarios",
         report.suite,
         report.scenarios,
         report.suite_hash.get(..16).unwrap_or_default(),
         report.planner,
         100.0 * report.confidence
-    );
+    ));
     if let Some(note) = &report.note {
-        text.push_str(&format!("\n{}\n", textwrap::fill(note, wrapping())));
+        text.paragraph(note);
     }
     for block in report.rows.chunk_by(|a, b| a.task == b.task) {
-        let header = ["scenarios", "policy", "score", "worst tenth", "success", "skill", "lost", "fuel used"];
-        let mut table = output::table(&header, 2);
+        let mut table = result_table();
         for row in block.chunk_by(|a, b| a.part == b.part).flat_map(part_cells) {
             table.add_row(row);
         }
-        text.push_str(&format!("\n{}\n{table}\n", title(block.first().map(|row| row.task.as_str()))));
+        text.paragraph(title(block.first().map(|row| row.task.as_str()))).table(table);
     }
     if let Some(against) = &report.against {
-        text.push_str(&format!(
-            "\nDifferences from {against} on the same scenarios; better: how likely an episode scores higher, ties half\n"
+        text.paragraph(format!(
+            "Differences from {against} on the same scenarios; better: probability that an episode scores higher (ties count half)"
         ));
         for block in report.comparisons.chunk_by(|a, b| a.task == b.task) {
-            let mut table = output::table(&["scenarios", "policy", "score", "success", "skill", "better"], 2);
+            let mut table = comparison_table();
             for row in block.chunk_by(|a, b| a.part == b.part).flat_map(comparison_cells) {
                 table.add_row(row);
             }
-            text.push_str(&format!("\n{}\n{table}\n", title(block.first().map(|row| row.task.as_str()))));
+            text.paragraph(title(block.first().map(|row| row.task.as_str()))).table(table);
         }
     }
     text
+}
+
+fn result_table() -> TextTable {
+    TextTable::new([
+        Column::text("scenarios"),
+        Column::text("policy"),
+        Column::number("score"),
+        Column::number("worst tenth").optional(1),
+        Column::number("success"),
+        Column::number("skill"),
+        Column::number("lost").optional(2),
+        Column::number("fuel used").optional(3),
+    ])
+}
+
+fn comparison_table() -> TextTable {
+    TextTable::new([
+        Column::text("scenarios"),
+        Column::text("policy"),
+        Column::number("score"),
+        Column::number("success"),
+        Column::number("skill"),
+        Column::number("better").optional(1),
+    ])
 }
 
 fn title(task: Option<&str>) -> &str {
@@ -50,20 +74,15 @@ fn title(task: Option<&str>) -> &str {
     }
 }
 
-/// Wraps at spaces only, since the id of a task contains a slash.
-fn wrapping() -> textwrap::Options<'static> {
-    textwrap::Options::new(100).word_separator(textwrap::WordSeparator::AsciiSpace)
-}
-
-/// Returns the label of a part for its first row, and an empty string for the others.
-fn part_label(at: usize, scenarios: usize, part: SuiteSection) -> String {
-    if at == 0 { format!("{scenarios} {}", part.as_str().replace('_', " ")) } else { String::new() }
+/// Returns the label of a part.
+fn part_label(scenarios: usize, part: SuiteSection) -> String {
+    format!("{scenarios} {}", part.as_str().replace('_', " "))
 }
 
 fn part_cells(rows: &[EvaluationEstimates]) -> Vec<[String; 8]> {
-    let cells = |(at, row): (usize, &EvaluationEstimates)| {
+    let cells = |row: &EvaluationEstimates| {
         [
-            part_label(at, row.scenarios, row.part),
+            part_label(row.scenarios, row.part),
             row.policy.clone(),
             cell(row.score, 3),
             cell(row.cvar10, 3),
@@ -73,14 +92,14 @@ fn part_cells(rows: &[EvaluationEstimates]) -> Vec<[String; 8]> {
             cell(row.fuel_used, 2),
         ]
     };
-    rows.iter().enumerate().map(cells).collect()
+    rows.iter().map(cells).collect()
 }
 
 fn comparison_cells(rows: &[ComparisonEstimates]) -> Vec<[String; 6]> {
-    let cells = |(at, row): (usize, &ComparisonEstimates)| {
+    let cells = |row: &ComparisonEstimates| {
         let of = &row.comparison;
         [
-            part_label(at, row.scenarios, row.part),
+            part_label(row.scenarios, row.part),
             row.policy.clone(),
             cell(of.score, 3),
             cell(of.success, 3),
@@ -88,7 +107,7 @@ fn comparison_cells(rows: &[ComparisonEstimates]) -> Vec<[String; 6]> {
             cell(of.improvement, 3),
         ]
     };
-    rows.iter().enumerate().map(cells).collect()
+    rows.iter().map(cells).collect()
 }
 
 fn cell(estimate: Option<Estimate>, digits: usize) -> String {

@@ -1,6 +1,7 @@
 //! Tests with policies whose results are known beforehand.
 
 use super::*;
+use crate::output::OutputTarget;
 use crate::suite::tests::{mixed, small};
 use orchestrator::evaluation::results::measure_episode;
 use orchestrator::evaluation::suite::SuitePart;
@@ -18,7 +19,7 @@ fn args(policies: &[&str]) -> Args {
         against: None,
         svg: None,
         options: Vec::new(),
-        format: Format::Json,
+        output: JsonFlag { json: true },
     }
 }
 
@@ -109,7 +110,7 @@ fn the_tables_are_readable() {
     let rows = [flown(&suite, "hold", 1), flown(&suite, "reference", 1), PolicyResults::blind_panel(&suite)];
     let report =
         build_report(&suite, "0123456789abcdef".repeat(4), &args(&["hold", "reference"]), None, &rows);
-    insta::assert_snapshot!("tables", tables::tables(&report));
+    insta::assert_snapshot!("tables", tables::text_report(&report).render(OutputTarget::Terminal(120)));
     let drawn = picture::draw(&report).unwrap();
     assert!(
         drawn.starts_with("<svg") && drawn.contains("kessler/survival") && drawn.contains("blind_panel"),
@@ -166,7 +167,12 @@ fn other_physics_are_judged_by_brackets_of_their_own_and_say_so() {
     assert_eq!(told["physics"]["kessler/rendezvous"]["gravity"], "j2");
     assert_eq!(told["physics"]["kessler/survival"].as_object().unwrap().len(), 1);
     assert_eq!(told["suite"], "small");
-    let head: Vec<_> = tables::tables(&report).lines().take(8).map(str::to_owned).collect();
+    let head: Vec<_> = tables::text_report(&report)
+        .render(OutputTarget::Terminal(120))
+        .lines()
+        .take(8)
+        .map(str::to_owned)
+        .collect();
     insta::assert_snapshot!("other_physics", head.join("\n"));
 }
 

@@ -1,20 +1,27 @@
-//! Output of the subcommands: results on stdout, progress on stderr, tables, and checks of output arguments.
+//! Output of the subcommands: results on stdout, progress on stderr, and checks of output arguments.
+//!
+//! [`report`] has prose and tables, [`table`] fits a table to the terminal, [`target`] knows the width of the terminal.
+
+mod report;
+mod table;
+mod target;
 
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 
 use anyhow::{Context, anyhow};
-use clap::ValueEnum;
-use comfy_table::{CellAlignment, ContentArrangement, LineStyle, Table, TableStyle};
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// Format of the results on stdout.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(super) enum Format {
-    /// A table for people.
-    Table,
-    /// One JSON object for machines.
-    Json,
+pub(crate) use self::report::Report;
+pub(crate) use self::table::{Column, TextTable};
+pub(crate) use self::target::OutputTarget;
+
+/// The flag `--json`, which all subcommands with results share.
+#[derive(Debug, Clone, Copy, Default, clap::Args)]
+pub(crate) struct JsonFlag {
+    /// Print the result as one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 /// Writes text to stdout. A closed stdout (`sparring … | head`) is no error.
@@ -36,6 +43,14 @@ pub(super) fn print_unless_closed(text: &str) -> anyhow::Result<bool> {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(false),
         Err(error) => Err(error).context("stdout cannot be written"),
     }
+}
+
+/// Writes a report to stdout, formatted for its terminal or for a pipe.
+///
+/// # Errors
+/// Returns an error if stdout cannot be written.
+pub(super) fn print_report(report: &Report) -> anyhow::Result<()> {
+    print(&report.render(OutputTarget::stdout()))
 }
 
 /// Writes a JSON value to stdout as one line, so that programs can read stdout line by line.
@@ -65,28 +80,6 @@ pub(super) fn check_folder_exists(path: Option<&Path>) -> anyhow::Result<()> {
         Some(folder) if !folder.is_dir() => Err(anyhow!("there is no folder {}", folder.display())),
         _ => Ok(()),
     }
-}
-
-/// Table style with lines above, under the header and below, and none between rows.
-const STYLE: TableStyle = {
-    let line = LineStyle::none().fill('─').junction('─');
-    TableStyle::new().top_border(line).header_separator(line).bottom_border(line)
-};
-
-/// Creates a table whose first `text_columns` columns are aligned left and whose other columns are aligned right.
-pub(super) fn table(header: &[&str], text_columns: usize) -> Table {
-    let mut table = Table::new();
-    table.load_style(STYLE).set_content_arrangement(ContentArrangement::Dynamic);
-    if cfg!(test) {
-        table.force_no_tty(); // a snapshot must not depend on the terminal of the test run
-    }
-    table.set_header(header.to_vec());
-    for index in text_columns..header.len() {
-        if let Some(column) = table.column_mut(index) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-    }
-    table
 }
 
 /// Creates a progress bar on stderr; it is hidden if stderr is no terminal.

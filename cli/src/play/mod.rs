@@ -73,9 +73,9 @@ pub struct Args {
     /// Timeout of one response of the model or the server in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 120, value_parser = clap::value_parser!(u64).range(1..=3600))]
     timeout: u64,
-    /// Set the format of stdout
-    #[arg(long, value_enum, default_value = "lines")]
-    format: TranscriptFormat,
+    /// Print one JSON object per line instead of the lines of the public kessler-env
+    #[arg(long)]
+    json: bool,
     /// Write the complete transcript to this file, one JSON object per line
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -137,7 +137,7 @@ fn after_help() -> String {
 }
 
 const AFTER_HELP: &str = "\
-Lines on stdout (--format lines); rewards lists those of all steps, and success means a score of at least 0.1:
+Lines on stdout; rewards lists those of all steps, and success means a score of at least 0.1:
   [START] task=survival env=kessler-env model=name
   [STEP] step=1 action={\"burns\":[]} reward=0.02 done=false error=null
   [END] success=true steps=50 score=0.998 rewards=0.02,0.02,...
@@ -146,7 +146,7 @@ error says why the model's answer was replaced by no action, or what the server 
 invalid answers takes no action in those steps. If all retries fail because the endpoint is unreachable, refuses requests or \
 limits their rate, the episode is aborted: [END] then has the rewards so far and success=false.
 
-Transcript (--format jsonl, --out FILE): objects with type start {episode, task, env, model, prompt, seed, observation}, \
+Transcript (--json, --out FILE): objects with type start {episode, task, env, model, prompt, seed, observation}, \
 step {episode, step, action, reward, done, error, observation, model} and end {episode, success, steps, score, rewards, \
 fault}. model is {step, action, error, invalid, completions}, null for a built-in policy; each of completions is {messages, text, \
 truncated, error, tokens_in, tokens_out, latency_ms, tokens}, with the exact text of the prompt and the response; tokens is there \
@@ -160,10 +160,13 @@ stderr.
 
 Examples:
   sparring play --policy heuristic
-  sparring play --env-url http://localhost:8000 --api-base-url http://127.0.0.1:8080/v1 --model qwen --task survival
-  API_BASE_URL=https://llm.example.com/v1 MODEL_NAME=name HF_TOKEN=... sparring play --episodes 8 --concurrency 8 --seed 1
-  sparring play --task docking/single --policy heuristic --format jsonl
-  sparring play --api-base-url http://127.0.0.1:8080/v1 --model qwen --telemetry raw --history 0 --out raw.jsonl";
+  sparring play --env-url http://localhost:8000 --task survival \\
+      --api-base-url http://127.0.0.1:8080/v1 --model qwen
+  API_BASE_URL=https://llm.example.com/v1 MODEL_NAME=name HF_TOKEN=... \\
+      sparring play --episodes 8 --concurrency 8 --seed 1
+  sparring play --task docking/single --policy heuristic --json
+  sparring play --api-base-url http://127.0.0.1:8080/v1 --model qwen \\
+      --telemetry raw --history 0 --out raw.jsonl";
 
 /// Runs the episodes and prints a summary.
 ///
@@ -199,7 +202,11 @@ async fn play(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let timeout = Duration::from_secs(args.timeout);
     let contexts: Vec<TaskContext> = tasks.iter().map(TaskContext::new).collect::<anyhow::Result<_>>()?;
-    let output = Transcript::new(args.format, args.out.as_deref(), args.concurrency == 1)?;
+    let output = Transcript::new(
+        if args.json { TranscriptFormat::Jsonl } else { TranscriptFormat::Lines },
+        args.out.as_deref(),
+        args.concurrency == 1,
+    )?;
     let name = policy_source.name();
     let mut planned = Vec::new();
     for (task, context) in tasks.iter().zip(&contexts) {

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::super::names;
 use anyhow::Context;
 use env_core::{Recipe, Scenario, Seed, TaskSpec};
 
@@ -34,15 +35,7 @@ impl OpenEnvTask {
     /// Returns a message with the known tasks if no single task has the name.
     pub(super) fn parse(name: &str) -> Result<Self, String> {
         let id = KESSLER_ENV_TASKS.iter().find(|(upstream, _)| *upstream == name).map_or(name, |(_, id)| id);
-        let mut meant =
-            env_core::tasks().filter(|task| task.id() == id || task.id().split('/').next_back() == Some(id));
-        match (meant.next(), meant.next()) {
-            (Some(spec), None) => Ok(Self { name: name.to_owned(), spec }),
-            _ => {
-                let known: Vec<&str> = env_core::tasks().map(TaskSpec::id).collect();
-                Err(format!("there is no such task; the tasks are {}", known.join(", ")))
-            }
-        }
+        Ok(Self { name: name.to_owned(), spec: names::find_task(id)? })
     }
 
     /// Returns the three tasks of the public kessler-env.

@@ -25,7 +25,8 @@ use orchestrator::clock::Clock;
 #[command(after_help = "\
 Examples:
   sparring report run-1a2b3c4d --out report.html
-  sparring report mine --db /var/lib/sparring/sparring.sqlite3 --out /srv/www/mine.html")]
+  sparring report mine --out /srv/www/mine.html \\
+      --db /var/lib/sparring/sparring.sqlite3")]
 pub struct Args {
     /// Id of the run; `sparring db info` lists them
     run: RunId,

@@ -16,7 +16,8 @@ use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::output::{self, Format};
+use super::names;
+use super::output::{self, JsonFlag};
 use curriculum::simulation::{
     Learner, LearnerKind, SimulationPlan, SimulationSummary, SimulationTrace, simulate,
 };
@@ -44,7 +45,8 @@ pub struct Args {
           value_parser = PossibleValuesParser::new(learner_names()))]
     learners: Vec<String>,
     /// Tasks whose tables of levels are used
-    #[arg(long = "task", value_name = "TASK", value_delimiter = ',', default_values_t = default_tasks())]
+    #[arg(long = "task", value_name = "TASK", value_delimiter = ',', default_values_t = default_tasks(),
+          value_parser = names::parse_task)]
     tasks: Vec<String>,
     /// Number of episodes of each simulation
     #[arg(long, default_value_t = 20_000, value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
@@ -70,9 +72,8 @@ pub struct Args {
     /// Also write a chart to this SVG file
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
-    /// Set the output format
-    #[arg(long, value_enum, default_value = "table")]
-    format: Format,
+    #[command(flatten)]
+    output: JsonFlag,
 }
 
 fn strategy_names() -> Vec<&'static str> {
@@ -120,12 +121,14 @@ tasks. success, contested (success on contested scenarios) and zero variance (sh
 of the groups that the learner learnt from. learnt from is the share of those groups among all, up and down count level moves, and \
 placed after is the episode after which every task was placed.
 
-JSON (--format json): one object {episodes, group_size, tasks, seed, simulations}, each simulation {strategy, learner, summary, moves}.
+JSON (--json): one object {episodes, group_size, tasks, seed, simulations}, each simulation {strategy, learner, summary, moves}.
 
 Examples:
   sparring simulate-curriculum --strategy ladder --learner fast
-  sparring simulate-curriculum --strategy all --learner slow,fast --svg curricula.svg
-  sparring simulate-curriculum --strategy plr --learner fast --set score=learnability --set replay=0.5";
+  sparring simulate-curriculum --strategy all --learner slow,fast \\
+      --svg curricula.svg
+  sparring simulate-curriculum --strategy plr --learner fast \\
+      --set score=learnability --set replay=0.5";
 
 /// Finished simulation of one strategy with one learner.
 #[derive(Debug)]
@@ -147,9 +150,10 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let bar = output::progress_bar(pairs(args).len(), "simulations")?;
     let simulated = simulate_all(args, &|| bar.inc(1))?;
     bar.finish_and_clear();
-    match args.format {
-        Format::Table => output::print(&table::tables(&simulated, args.episodes))?,
-        Format::Json => output::print_json(&report(args, &simulated))?,
+    if args.output.json {
+        output::print_json(&report(args, &simulated))?;
+    } else {
+        output::print_report(&table::text_report(&simulated, args.episodes))?;
     }
     if let Some(path) = &args.svg {
         let drawn = picture::draw(&simulated, args.episodes).map_err(|error| anyhow!("{error}"))?;

@@ -1,36 +1,35 @@
 //! Formats simulations as text tables.
 
 use super::CompletedSimulation;
-use crate::output;
+use crate::output::{Column, Report, TextTable};
 use curriculum::simulation::SimulatedGroup;
 use curriculum::{LevelMove, MoveKind};
 
 /// Number of rows of a single simulation's table.
 const SECTIONS: usize = 10;
 
-/// Formats one simulation in full, or several in one line each.
-pub(super) fn tables(simulated: &[CompletedSimulation], episodes: u64) -> String {
+/// Reports one simulation in full, or several in one line each.
+pub(super) fn text_report(simulated: &[CompletedSimulation], episodes: u64) -> Report {
     match simulated {
         [one] => in_full(one, episodes),
         several => lines(several),
     }
 }
 
-fn lines(simulated: &[CompletedSimulation]) -> String {
-    let header = [
-        "strategy",
-        "learner",
-        "skill",
-        "faced",
-        "success",
-        "contested",
-        "zero variance",
-        "learnt from",
-        "up",
-        "down",
-        "placed after",
-    ];
-    let mut table = output::table(&header, 2);
+fn lines(simulated: &[CompletedSimulation]) -> Report {
+    let mut table = TextTable::new([
+        Column::text("strategy"),
+        Column::text("learner"),
+        Column::number("ability"),
+        Column::number("difficulty"),
+        Column::number("success"),
+        Column::number("contested"),
+        Column::number("zero variance"),
+        Column::number("learnt from").optional(2),
+        Column::number("up").optional(1),
+        Column::number("down").optional(1),
+        Column::number("placed after").optional(3),
+    ]);
     let mut notes = Vec::new();
     for one in simulated {
         let summary = &one.summary;
@@ -51,42 +50,56 @@ fn lines(simulated: &[CompletedSimulation]) -> String {
             notes.push(format!("{} × {}: {warning}", one.strategy.name(), one.learner.name()));
         }
     }
-    if notes.is_empty() { format!("{table}\n") } else { format!("{table}\n\n{}\n", notes.join("\n")) }
+    let mut report = Report::default();
+    report.table(table);
+    for note in notes {
+        report.paragraph(note);
+    }
+    report
 }
 
-fn in_full(one: &CompletedSimulation, episodes: u64) -> String {
+fn in_full(one: &CompletedSimulation, episodes: u64) -> Report {
     let explanation = one.track.curriculum.explain();
-    let mut text =
-        format!("{} with the learner {}. {}\n", one.strategy, one.learner.name(), explanation.summary);
+    let mut report = Report::default();
+    report.paragraph(format!(
+        "{} with the learner {}. {}",
+        one.strategy,
+        one.learner.name(),
+        explanation.summary
+    ));
     for (place, status) in one.track.status.iter().enumerate() {
         let of_task: Vec<&SimulatedGroup> =
             one.track.groups.iter().filter(|sample| sample.task_index == place).collect();
-        let header = ["episodes", "groups", "skill", "faced", "success", "contested", "zero variance"];
-        let mut table = output::table(&header, 0);
-        for stretch in 0..SECTIONS as u64 {
-            let (from, to) =
-                (episodes * stretch / SECTIONS as u64, episodes * (stretch + 1) / SECTIONS as u64);
-            let within =
-                of_task.iter().copied().filter(|sample| (from..to).contains(&sample.episodes_before));
-            table.add_row(row(to, &within.collect::<Vec<_>>()));
-        }
         let now = explanation
             .tasks
             .iter()
             .find(|task| task.task == status.task)
             .map_or("", |task| &task.current_state);
-        text.push_str(&format!("\n{}: {now}\n{table}\n", status.task));
+        report.paragraph(format!("{}: {now}", status.task)).table(sections(&of_task, episodes));
         let moves = one.track.moves.iter().filter(|made| made.level_move.task == status.task);
-        moves.for_each(|made| {
-            text.push_str(&format!(
-                "  after {}: {}\n",
-                made.episodes_before,
-                describe_move(&made.level_move)
-            ));
-        });
-        status.warnings.iter().for_each(|warning| text.push_str(&format!("  {warning}\n")));
+        for made in moves {
+            let text = describe_move(&made.level_move);
+            report.item(format!("after {}: {text}", made.episodes_before));
+        }
+        for warning in &status.warnings {
+            report.item(warning);
+        }
     }
-    text
+    report
+}
+
+/// Builds the table of a task over time: one row for each tenth of the episodes.
+fn sections(groups: &[&SimulatedGroup], episodes: u64) -> TextTable {
+    let mut table = TextTable::new(
+        ["episodes", "groups", "ability", "difficulty", "success", "contested", "zero variance"]
+            .map(Column::number),
+    );
+    for section in 0..SECTIONS as u64 {
+        let (from, to) = (episodes * section / SECTIONS as u64, episodes * (section + 1) / SECTIONS as u64);
+        let within = groups.iter().copied().filter(|sample| (from..to).contains(&sample.episodes_before));
+        table.add_row(row(to, &within.collect::<Vec<_>>()));
+    }
+    table
 }
 
 fn row(to: u64, samples: &[&SimulatedGroup]) -> [String; 7] {

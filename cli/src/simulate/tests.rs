@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::*;
+use crate::output::OutputTarget;
 
 const DOCUMENT: &str = include_str!("../../../docs/reference/strategies.md");
 
@@ -19,7 +20,7 @@ fn args(strategy: &str, learners: &[&str]) -> Args {
         ahead: 64,
         seed: 0,
         svg: None,
-        format: Format::Table,
+        output: JsonFlag::default(),
     }
 }
 
@@ -36,7 +37,7 @@ fn the_documents_pictures_are_what_is_drawn() {
         let drawn = picture::draw(&simulate_all(&args, &|| ()).unwrap(), args.episodes).unwrap();
         let path = pictures().join(format!("{}.svg", strategy.name()));
         assert!(
-            DOCUMENT.contains(&format!("(pictures/curricula/{}.svg)", strategy.name())),
+            DOCUMENT.contains(&format!("(../pictures/curricula/{}.svg)", strategy.name())),
             "{strategy} is shown"
         );
         if write {
@@ -88,13 +89,14 @@ fn document_lists_the_hyperparameters_of_every_strategy() {
 #[test]
 fn one_is_told_in_full_and_several_in_a_line_each() {
     let one = args("ladder", &["fast"]);
-    insta::assert_snapshot!("in_full", table::tables(&simulate_all(&one, &|| ()).unwrap(), one.episodes));
+    let text = |args: &Args| {
+        let report = table::text_report(&simulate_all(args, &|| ()).unwrap(), args.episodes);
+        report.render(OutputTarget::Terminal(120))
+    };
+    insta::assert_snapshot!("in_full", text(&one));
     let several =
         Args { strategies: vec![ALL.to_owned()], episodes: 8000, ..args("all", &["fast", "drops"]) };
-    insta::assert_snapshot!(
-        "lines",
-        table::tables(&simulate_all(&several, &|| ()).unwrap(), several.episodes)
-    );
+    insta::assert_snapshot!("lines", text(&several));
 }
 
 #[test]

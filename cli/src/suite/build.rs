@@ -38,7 +38,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Tasks, or the name of a world for all its tasks [default: all tasks of the first world]
-    #[arg(long, value_name = "TASK|WORLD", value_delimiter = ',')]
+    #[arg(long = "task", value_name = "TASK|WORLD", value_delimiter = ',')]
     tasks: Vec<String>,
     /// Levels of each task [default: those of 0, 2 and 4 to 9 that exist]
     #[arg(long, value_name = "LEVEL", value_delimiter = ',')]
@@ -60,9 +60,11 @@ fn after_help() -> String {
 
 const AFTER_HELP: &str = "\
 Examples:
-  sparring suite build --name swept-v1 --out swept-v1.json --physics contact=swept --physics kessler/formation:gravity=j2
-  sparring suite build --name my-suite-v1 --tasks kessler --out my-suite-v1.json
-  sparring suite build --name small-v1 --out small-v1.json --tasks kessler/survival --levels 5,7";
+  sparring suite build --name swept-v1 --out swept-v1.json \\
+      --physics contact=swept --physics kessler/formation:gravity=j2
+  sparring suite build --name my-suite-v1 --task kessler --out my-suite-v1.json
+  sparring suite build --name small-v1 --out small-v1.json \\
+      --task survival --levels 5,7";
 
 /// Specification of a suite to draw.
 #[derive(Clone)]
@@ -90,7 +92,7 @@ impl SuitePlan {
             options.iter().map(move |(name, choice)| format!(" --physics {task}:{name}={choice}"))
         });
         format!(
-            "sparring {} suite build --name {} --tasks {} --levels {} --contested {} --as-they-come {}{}",
+            "sparring {} suite build --name {} --task {} --levels {} --contested {} --as-they-come {}{}",
             env!("CARGO_PKG_VERSION"),
             self.name,
             tasks.join(","),

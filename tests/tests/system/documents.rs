@@ -13,10 +13,8 @@ fn openapi_document_matches_snapshot() {
 #[test]
 fn example_layouts_pass_the_gate() {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/layouts.json");
-    let process = Command::new(sparring_binary())
-        .args(["design", "--layouts", file, "--format", "json"])
-        .output()
-        .unwrap();
+    let process =
+        Command::new(sparring_binary()).args(["design", "--layouts", file, "--json"]).output().unwrap();
     assert!(process.status.success(), "{process:?}");
     let output: Value = serde_json::from_slice(&process.stdout).unwrap();
     assert_eq!(output["layouts"][0]["admitted"], true, "{output}");
@@ -40,7 +38,10 @@ fn designer_guide_pictures_are_up_to_date() {
             let committed =
                 std::fs::read_to_string(root.join("docs/pictures/design").join(&name)).unwrap_or_default();
             let fresh = std::fs::read_to_string(into.path().join(&name)).unwrap();
-            assert!(committed == fresh, "docs/pictures/design/{name} is out of date: run scripts/designer-pictures");
+            assert!(
+                committed == fresh,
+                "docs/pictures/design/{name} is out of date: run scripts/designer-pictures"
+            );
             shown += usize::from(guide.contains(&format!("(../pictures/design/{picture}.svg)")));
         }
     }

@@ -23,7 +23,11 @@ fn assert_documented(mark: &str, rows: &str) {
     let (table, _) = rest.split_once("<!-- end -->").expect("and its end");
     let rows_of_table = table.lines().filter(|line| line.starts_with('|'));
     let body = rows_of_table.skip(2).collect::<Vec<_>>().join("\n");
-    assert_eq!(body.trim(), rows.trim(), "docs/reference/design-language.md, {mark}: replace the rows by:\n{rows}");
+    assert_eq!(
+        body.trim(),
+        rows.trim(),
+        "docs/reference/design-language.md, {mark}: replace the rows by:\n{rows}"
+    );
 }
 
 #[test]

@@ -37,8 +37,7 @@ async fn layouts_aim_at_the_failures_of_a_run() {
     let server = Server::start().await;
     create_run_with_failures(&server.api()).await;
     let url = server.api().base().to_owned();
-    let run_args =
-        |more: &[&str]| strings(&[&["--run", "run", "--url", &url, "--format", "json"], more].concat());
+    let run_args = |more: &[&str]| strings(&[&["--run", "run", "--url", &url, "--json"], more].concat());
 
     let process = run_design(run_args(&["--dry-run"])).await;
     assert!(process.status.success(), "{process:?}");

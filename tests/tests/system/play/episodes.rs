@@ -111,7 +111,7 @@ async fn output_lines_match_kessler_env() {
     let output = play(&server, &format!("{} --task eco_station", endpoint_args(&model.uri()))).await;
     assert_eq!(output.code, Some(0), "{}", output.stderr);
     insta::assert_snapshot!(output.stdout);
-    // With `--format jsonl` the transcript of the same episode is the only output on stdout.
+    // With `--json` the transcript of the same episode is the only output on stdout.
     let model = start_endpoint([
         chat_response(burn),
         chat_response("no"),
@@ -120,7 +120,7 @@ async fn output_lines_match_kessler_env() {
     ])
     .await;
     let jsonl_output =
-        play(&server, &format!("{} --task eco_station --format jsonl", endpoint_args(&model.uri()))).await;
+        play(&server, &format!("{} --task eco_station --json", endpoint_args(&model.uri()))).await;
     let printed: Vec<Value> =
         jsonl_output.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(printed, jsonl_output.transcript);

@@ -1,0 +1,85 @@
+//! `--bind` and `--port`: the address that a server listens on.
+
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs};
+
+/// Host of a bind address without a host.
+const DEFAULT_HOST: IpAddr = IpAddr::V4(Ipv4Addr::LOCALHOST);
+/// Port of a bind address without a port.
+const DEFAULT_PORT: u16 = 8700;
+
+/// Arguments of the address that a server listens on.
+#[derive(Debug, Clone, clap::Args)]
+pub struct BindArgs {
+    /// Address to listen on, as HOST:PORT, HOST or PORT. An address that other machines can reach needs a token
+    /// (`sparring token create`) or --openenv-public
+    #[arg(long, default_value = "127.0.0.1:8700", value_name = "ADDRESS", env = "SPARRING_BIND", value_parser = parse_bind)]
+    bind: SocketAddr,
+    /// Port to listen on, in place of the port of --bind; 0 means a free port
+    #[arg(long, value_name = "PORT", env = "SPARRING_PORT")]
+    port: Option<u16>,
+}
+
+impl BindArgs {
+    /// Returns the address to listen on.
+    pub(super) fn address(&self) -> SocketAddr {
+        let mut address = self.bind;
+        if let Some(port) = self.port {
+            address.set_port(port);
+        }
+        address
+    }
+}
+
+/// Parses `HOST:PORT`, `HOST`, `:PORT` or `PORT`. A host is an IP address or a name such as `localhost`.
+fn parse_bind(text: &str) -> Result<SocketAddr, String> {
+    let expected =
+        || format!("{text:?} is no address: use HOST:PORT such as localhost:8700, a host, or a port");
+    if let Ok(address) = text.parse::<SocketAddr>() {
+        return Ok(address);
+    }
+    if let Ok(port) = text.strip_prefix(':').unwrap_or(text).parse::<u16>() {
+        return Ok(SocketAddr::new(DEFAULT_HOST, port));
+    }
+    // The system would resolve a number as an IPv4 address.
+    if text.chars().all(|c| c.is_ascii_digit()) {
+        return Err(format!("{text:?} is no port: a port is 0 to 65535"));
+    }
+    if let Ok(host) = text.trim_matches(['[', ']']).parse::<IpAddr>() {
+        return Ok(SocketAddr::new(host, DEFAULT_PORT));
+    }
+    let (host, port) = match text.rsplit_once(':') {
+        Some((host, port)) => (host, port.parse().map_err(|_| expected())?),
+        None => (text, DEFAULT_PORT),
+    };
+    if host.is_empty() {
+        return Err(expected());
+    }
+    let found =
+        (host, port).to_socket_addrs().map_err(|error| format!("host {host:?} is unknown: {error}"))?;
+    // A name such as localhost may have an IPv6 and an IPv4 address. Clients try IPv4 addresses in any case.
+    let mut found: Vec<SocketAddr> = found.collect();
+    found.sort_by_key(SocketAddr::is_ipv6);
+    found.first().copied().ok_or_else(expected)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_are_parsed_in_all_spellings() {
+        let parsed = |text| parse_bind(text).unwrap().to_string();
+        for text in ["127.0.0.1:8700", "8700", ":8700", "localhost:8700", "localhost", "127.0.0.1"] {
+            assert_eq!(parsed(text), "127.0.0.1:8700", "{text}");
+        }
+        assert_eq!(parsed("0.0.0.0"), "0.0.0.0:8700");
+        assert_eq!(parsed("[::1]:9000"), "[::1]:9000");
+        assert_eq!(parsed("::1"), "[::1]:8700");
+        assert_eq!(parsed("0"), "127.0.0.1:0");
+        for wrong in ["", ":", "localhost:", "localhost:port", "70000", "127.0.0.1:70000"] {
+            assert!(parse_bind(wrong).is_err(), "{wrong}");
+        }
+        let args = BindArgs { bind: parse_bind("0.0.0.0:1").unwrap(), port: Some(2) };
+        assert_eq!(args.address().to_string(), "0.0.0.0:2");
+    }
+}
