@@ -1,5 +1,6 @@
-//! Exclusive lock of a database file: one database, one server.
+//! Exclusive lock of a database file: one database, one server. The lock file has the URL of the server that holds it.
 
+use std::io::{Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -43,10 +44,10 @@ impl DatabaseLock {
         }
         // All symbolic links to a database share its lock. A database that does not exist yet has its own path.
         let path = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-        let mut lock_path = path.clone().into_os_string();
-        lock_path.push(".lock");
-        let lock_path = PathBuf::from(lock_path);
-        let lock = std::fs::File::create(&lock_path).map_err(|error| match error.kind() {
+        let lock_path = lock_path(&path);
+        // The file is not truncated, because it has the URL of a server that may hold the lock.
+        let options = std::fs::OpenOptions::new().read(true).write(true).create(true).truncate(false).clone();
+        let lock = options.open(&lock_path).map_err(|error| match error.kind() {
             std::io::ErrorKind::PermissionDenied | std::io::ErrorKind::ReadOnlyFilesystem => {
                 OpenError::ReadOnly(name.clone())
             }
@@ -54,12 +55,35 @@ impl DatabaseLock {
             _ => OpenError::Other { path: name.clone(), reason: error.to_string() },
         })?;
         match lock.try_lock() {
-            Ok(()) => Ok(Self { lock, lock_path, path, opened: OnceLock::new() }),
+            Ok(()) => {
+                // A URL that could not be removed belongs to a server that does not respond.
+                let _ = lock.set_len(0);
+                Ok(Self { lock, lock_path, path, opened: OnceLock::new() })
+            }
             Err(std::fs::TryLockError::WouldBlock) => Err(OpenError::Locked(name)),
             Err(std::fs::TryLockError::Error(error)) => {
                 Err(OpenError::Other { path: name, reason: error.to_string() })
             }
         }
+    }
+
+    /// Writes the URL of the server that holds the lock, for programs on this machine that find the database locked.
+    ///
+    /// # Errors
+    /// Returns an error if the lock file cannot be written.
+    pub fn publish_url(&self, url: &str) -> std::io::Result<()> {
+        let mut file = &self.lock;
+        file.set_len(0)?;
+        file.rewind()?;
+        file.write_all(url.as_bytes())
+    }
+
+    /// Returns the URL of the server that holds the lock of a database, if it published one.
+    #[must_use]
+    pub fn published_url(path: &Path) -> Option<String> {
+        let path = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        let url = std::fs::read_to_string(lock_path(&path)).ok()?;
+        (!url.trim().is_empty()).then(|| url.trim().to_owned())
     }
 
     /// Remembers the identity of the database file, for [`DatabaseLock::is_intact`]. Call this after opening the database.
@@ -81,10 +105,19 @@ impl DatabaseLock {
 
 impl Drop for DatabaseLock {
     fn drop(&mut self) {
+        // If the URL stays, a client reports that no server responds there.
+        let _ = self.lock.set_len(0);
         // Closing is not enough: a child process that is being spawned holds a copy of the descriptor until its own program
         // starts. If unlocking fails, the system unlocks when the last copy closes.
         let _ = self.lock.unlock();
     }
+}
+
+/// Returns the path of a database's lock file.
+fn lock_path(path: &Path) -> PathBuf {
+    let mut lock_path = path.as_os_str().to_owned();
+    lock_path.push(".lock");
+    PathBuf::from(lock_path)
 }
 
 fn identity_at(path: &Path) -> Option<FileIdentity> {
@@ -135,6 +168,21 @@ mod tests {
         std::fs::remove_file(other).expect("the second name exists");
         assert!(DatabaseLock::acquire(&db).is_ok());
         assert!(matches!(DatabaseLock::acquire(folder.path()), Err(OpenError::NoFile(_))));
+    }
+
+    #[test]
+    fn holder_of_the_lock_publishes_its_url() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let db = folder.path().join("db");
+        assert_eq!(DatabaseLock::published_url(&db), None);
+        let lock = DatabaseLock::acquire(&db).expect("the lock is free");
+        assert_eq!(DatabaseLock::published_url(&db), None);
+        lock.publish_url("http://127.0.0.1:8700").expect("the lock file is writable");
+        lock.publish_url("http://[::1]:1").expect("the lock file is writable");
+        assert!(DatabaseLock::acquire(&db).is_err());
+        assert_eq!(DatabaseLock::published_url(&db).as_deref(), Some("http://[::1]:1"));
+        drop(lock);
+        assert_eq!(DatabaseLock::published_url(&db), None);
     }
 
     #[test]

@@ -12,6 +12,7 @@ use crate::judging::Judges;
 use crate::limits::ClientLimits;
 use crate::rollouts::Endpoint;
 use crate::sessions::SessionLimits;
+use crate::tokens::Token;
 
 /// Configuration of the service.
 #[derive(Debug, Clone)]
@@ -34,6 +35,9 @@ pub struct Config {
     pub openenv_public: bool,
     /// Limits for each client.
     pub client_limits: ClientLimits,
+    /// Token of the process that starts the service for itself; `None` for a server. With it, no worker runs, the state of the
+    /// last server is not recovered, and only requests with this token are admitted, as an admin's.
+    pub process_token: Option<Token>,
 }
 
 impl Config {
@@ -50,7 +54,15 @@ impl Config {
             endpoint: None,
             openenv_public: false,
             client_limits: ClientLimits::default(),
+            process_token: None,
         }
+    }
+
+    /// Returns the configuration of a service that this process starts for itself, to read or change a database while no
+    /// server runs. The token admits its requests.
+    #[must_use]
+    pub fn for_this_process(db: PathBuf) -> Self {
+        Self { process_token: Some(Token::for_process()), ..Self::local(db) }
     }
 }
 

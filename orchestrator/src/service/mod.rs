@@ -28,6 +28,7 @@ use crate::limits::constants::{MAX_LARGE_BODIES, MAX_LISTENERS, MAX_LISTENERS_PE
 use crate::limits::{BodyLimit, ConcurrencyLimits, LongPollLimit, Quota};
 use crate::sessions::{SessionLimits, SessionManager};
 use crate::threads::{self, ThreadPriority};
+use crate::tokens::Token;
 use crate::workers;
 
 /// Time that running requests and the writer have to finish when the service stops.
@@ -73,8 +74,12 @@ impl Service {
             replay_pool: thread_pool("replay", 0, ThreadPriority::Bulk)?,
         };
         let sessions = create_sessions(&config, surface, &lease_service)?;
-        let workers =
-            background::spawn_workers(&config, &lease_service, signals.clone(), ready_sender, &sessions)?;
+        let workers = match &config.process_token {
+            None => {
+                background::spawn_workers(&config, &lease_service, signals.clone(), ready_sender, &sessions)?
+            }
+            Some(_) => JoinSet::new(),
+        };
         let access_control = http::AccessControl::new(http::AccessConfig {
             readers: readers.clone(),
             writer,
@@ -82,7 +87,13 @@ impl Service {
             bind: address,
             openenv_public: config.openenv_public,
             limits: config.client_limits,
+            process_token: config.process_token.as_ref().map(Token::hash),
         });
+        if config.process_token.is_none()
+            && let Err(error) = lock.publish_url(&format!("http://{address}"))
+        {
+            tracing::warn!(%error, "The lock file has no URL: programs on this machine need --url.");
+        }
         let stopping: Arc<AtomicBool> = Arc::default();
         let checkpointer =
             tokio::spawn(workers::checkpoint::run(open_maintenance(&config.db).await?, stopped.clone()));

@@ -52,7 +52,9 @@ pub(super) async fn open_database(config: &Config) -> Result<OpenDatabase, Start
     let mut connection = open_writer(&config.db).await?;
     lock.remember_file();
     let surface = select_surface(config, &mut connection).await?;
-    recover(config, &mut connection).await?;
+    if config.process_token.is_none() {
+        recover(config, &mut connection).await?;
+    }
     Ok(OpenDatabase { lock, surface, connection })
 }
 

@@ -46,6 +46,8 @@ pub struct AccessConfig {
     pub openenv_public: bool,
     /// Limits for each client.
     pub limits: ClientLimits,
+    /// Hash of the only token that is admitted, if this service belongs to one process.
+    pub process_token: Option<blake3::Hash>,
 }
 
 /// Decides whether a client may use an operation.
@@ -70,6 +72,8 @@ pub struct AccessControl {
     denial_rate: RateLimit,
     /// Limit on audited denials of all addresses together.
     total_denial_rate: RateLimit,
+    /// Hash of the only token that is admitted, if this service belongs to one process.
+    process_token: Option<blake3::Hash>,
 }
 
 /// Valid token, as the cache has it.
@@ -97,7 +101,7 @@ impl AccessControl {
     /// Creates access control with empty caches.
     #[must_use]
     pub fn new(config: AccessConfig) -> Self {
-        let AccessConfig { readers, writer, clock, bind, openenv_public, limits } = config;
+        let AccessConfig { readers, writer, clock, bind, openenv_public, limits, process_token } = config;
         Self {
             readers,
             writer,
@@ -114,6 +118,7 @@ impl AccessControl {
             lookup_rate: RateLimit::new(TOKEN_LOOKUPS_PER_SECOND),
             denial_rate: RateLimit::new(AUDITED_DENIALS_PER_SECOND_AND_ADDRESS),
             total_denial_rate: RateLimit::new(AUDITED_DENIALS_PER_SECOND),
+            process_token,
         }
     }
 
@@ -125,6 +130,15 @@ impl AccessControl {
         uri: &Uri,
         peer: Option<IpAddr>,
     ) -> Result<Caller, AccessDenied> {
+        if let Some(expected) = &self.process_token {
+            let sent = headers.get(header::AUTHORIZATION).and_then(parse_token);
+            let is_own = sent.is_some_and(|token| token.hash() == *expected);
+            return if is_own {
+                Ok(Caller { identity: ClientIdentity::local() })
+            } else {
+                Err(unauthenticated("this service belongs to a command that runs on this machine").into())
+            };
+        }
         let address = address_key(peer);
         if permission == Permission::Public {
             return Ok(anonymous(address));
@@ -205,10 +219,7 @@ impl AccessControl {
         authorization: &HeaderValue,
         address: &Arc<str>,
     ) -> Result<Option<CachedToken>, Problem> {
-        let text = authorization.to_str().ok().and_then(|text| text.split_once(' '));
-        let Some((scheme, text)) = text else { return Ok(None) };
-        let token = Token::parse(text.trim()).filter(|_| scheme.eq_ignore_ascii_case("bearer"));
-        let Some(token) = token else { return Ok(None) };
+        let Some(token) = parse_token(authorization) else { return Ok(None) };
         let hash = token.hash();
         let cached = match self.cached_tokens.get(hash.as_bytes()).await {
             Some(cached) => cached,
@@ -238,6 +249,12 @@ impl AccessControl {
         }
         Some(CachedToken { id: row.id, role: row.role, expires_at: row.expires_at })
     }
+}
+
+/// Returns the token of an `Authorization` header, if it has one.
+fn parse_token(authorization: &HeaderValue) -> Option<Token> {
+    let (scheme, text) = authorization.to_str().ok()?.split_once(' ')?;
+    Token::parse(text.trim()).filter(|_| scheme.eq_ignore_ascii_case("bearer"))
 }
 
 /// Returns the caller of a request without a token.
