@@ -8,6 +8,7 @@
 //! or another error.
 
 pub mod agreement;
+mod api;
 pub mod bench;
 pub mod bind_args;
 pub mod completions;
@@ -30,9 +31,12 @@ mod plot;
 pub mod policy;
 pub mod replay;
 pub mod report;
+pub mod runs;
 pub mod serve;
 pub mod simulate;
+pub mod status;
 pub mod suite;
+pub mod tail;
 #[cfg(test)]
 mod tests;
 pub mod token;
@@ -83,6 +87,9 @@ its end); 2 bad input or another error, with one sentence on stderr; 130 Ctrl-C.
 enum Command {
     Serve(serve::Args),
     Demo(demo::Args),
+    Runs(runs::Args),
+    Status(status::Args),
+    Tail(tail::Args),
     Design(design::Args),
     Eval(eval::Args),
     Play(play::Args),
@@ -104,7 +111,7 @@ impl Command {
     /// Returns the default log level. The demo and `play` print their own progress, so they log less.
     const fn default_log_level(&self) -> &'static str {
         match self {
-            Self::Demo(_) => "warn",
+            Self::Demo(_) | Self::Runs(_) | Self::Status(_) | Self::Tail(_) => "warn",
             Self::Play(_) => "error",
             _ => "info",
         }
@@ -122,6 +129,9 @@ impl Command {
         match self {
             Self::Serve(args) => serve::run(args),
             Self::Demo(args) => demo::run(args),
+            Self::Runs(args) => runs::run(args),
+            Self::Status(args) => status::run(args),
+            Self::Tail(args) => tail::run(args),
             Self::Design(args) => design::run(args),
             Self::Eval(args) => eval::run(args),
             Self::Play(args) => play::run(args),

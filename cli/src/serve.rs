@@ -122,13 +122,15 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let bind = args.bind.address();
         let forgotten = args.temporary.then(|| tempfile::Builder::new().prefix("sparring-").tempdir()).transpose()?;
         let db = forgotten.as_ref().map_or_else(|| args.db.clone(), |folder| folder.path().join("sparring.sqlite3"));
-        let config = Config { db: db.clone(), bind, clock, designers, sessions, judges, endpoint, openenv_public: args.openenv_public, client_limits: args.each.client_limits() };
+        let config = Config { db: db.clone(), bind, clock, designers, sessions, judges, endpoint, openenv_public: args.openenv_public, client_limits: args.each.client_limits(), process_token: None };
         let mut service = Service::start(config).await?;
+        // A program that reads the URL may stop the server at once.
+        let mut stop = StopSignal::install()?;
         // Programs that start a server read the first line to learn its port.
         super::output::print(&url_lines(&service, args.openenv_public))?;
         tracing::info!(db = %db.display(), url = %service.url(), "The server started; Ctrl-C stops it.");
         tokio::select! {
-            signal = stop_signal() => signal?,
+            signal = stop.received() => signal?,
             () = stdin_ends(), if args.while_stdin => {}
             () = service.writer_failed() => anyhow::bail!("the database writer failed, so the server stopped; the log has the reason"),
         }
@@ -174,16 +176,47 @@ async fn stdin_ends() {
     let _ = ended.await; // an error means that the thread is gone, which counts as the end too
 }
 
-/// Waits for Ctrl-C or SIGTERM.
-pub(super) async fn stop_signal() -> std::io::Result<()> {
+/// Ctrl-C and SIGTERM, which ask the process to stop.
+#[derive(Debug)]
+pub(super) struct StopSignal {
     #[cfg(unix)]
-    {
-        let mut terminate = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate())?;
-        tokio::select! {
-            interrupted = tokio::signal::ctrl_c() => interrupted,
-            _ = terminate.recv() => Ok(()),
+    interrupt: tokio::signal::unix::Signal,
+    #[cfg(unix)]
+    terminate: tokio::signal::unix::Signal,
+}
+
+impl StopSignal {
+    /// Installs the handlers: from now on the signals do not end the process.
+    ///
+    /// # Errors
+    /// Returns an error if the handlers cannot be installed.
+    pub(super) fn install() -> std::io::Result<Self> {
+        #[cfg(unix)]
+        {
+            use tokio::signal::unix::{SignalKind, signal};
+            Ok(Self {
+                interrupt: signal(SignalKind::interrupt())?,
+                terminate: signal(SignalKind::terminate())?,
+            })
         }
+        #[cfg(not(unix))]
+        Ok(Self {})
     }
-    #[cfg(not(unix))]
-    tokio::signal::ctrl_c().await
+
+    /// Waits for a signal.
+    ///
+    /// # Errors
+    /// Returns an error if signals cannot be received.
+    pub(super) async fn received(&mut self) -> std::io::Result<()> {
+        #[cfg(unix)]
+        {
+            tokio::select! {
+                _ = self.interrupt.recv() => {}
+                _ = self.terminate.recv() => {}
+            }
+            Ok(())
+        }
+        #[cfg(not(unix))]
+        tokio::signal::ctrl_c().await
+    }
 }

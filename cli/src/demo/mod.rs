@@ -39,6 +39,7 @@ use super::interrupt::INTERRUPTED;
 use super::llm_args::LlmArgs;
 use super::options::{self, ChosenOption, TaskOptions};
 use super::output::OutputTarget;
+use super::serve::StopSignal;
 use super::{names, output, worlds};
 
 /// Train a built-in learner against the service, over HTTP as any trainer would.
@@ -195,7 +196,7 @@ async fn train_and_print(args: &Args, service: &DemoService) -> anyhow::Result<E
     }
     if service.own.is_some() && args.stays_up() {
         output::print(&format!("\nOpen {} (Ctrl-C to stop)", dashboard_url(&service.url, &run)))?;
-        super::serve::stop_signal().await?;
+        StopSignal::install()?.received().await?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -17,7 +17,7 @@ use super::train::{LevelChange, Progress};
 use super::trainee::{GenerationSuccess, LearnerMode, Trainee};
 
 /// Width of the level chart of a task, in characters.
-const CHART_WIDTH: usize = 48;
+const CHART_WIDTH: usize = 40;
 const BLOCKS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 
 /// Summary of a run, printed as one JSON object.

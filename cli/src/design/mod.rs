@@ -47,7 +47,7 @@ use super::output::{self, JsonFlag};
 #[derive(Debug, clap::Args)]
 #[command(after_help = after_help())]
 pub struct Args {
-    /// Run whose failures to design for; it also sets the defaults of task, level, params and physics
+    /// Run whose failures to design for, by id, prefix or name; it also sets the defaults of task, level, params and physics
     #[arg(long, value_name = "RUN", conflicts_with_all = ["profile", "layouts"])]
     run: Option<String>,
     /// Base URL of the service that has the run
@@ -193,9 +193,11 @@ fn runtime() -> anyhow::Result<Runtime> {
 /// Builds the brief from the arguments, and from the service if `--run` is given.
 fn build_brief(args: &Args, runtime: &Runtime) -> anyhow::Result<DesignBrief> {
     let Some(run) = &args.run else { return brief::build(args, RunSnapshot::default()) };
-    let mut brief = brief::build(args, runtime.block_on(service::fetch_run(&args.url, run))?)?;
+    let snapshot = runtime.block_on(service::fetch_run(&args.url, run))?;
+    let run = snapshot.run.clone().unwrap_or_default();
+    let mut brief = brief::build(args, snapshot)?;
     let task = brief.recipe.task().id();
-    brief.past_layouts = runtime.block_on(service::past_layouts(&args.url, run, task))?;
+    brief.past_layouts = runtime.block_on(service::past_layouts(&args.url, &run, task))?;
     Ok(brief)
 }
 

@@ -6,9 +6,9 @@ use super::target::OutputTarget;
 
 /// Smallest width of a column of prose, in columns.
 const MIN_PROSE_WIDTH: usize = 24;
-/// Width that a table adds to the text of each of its columns.
+/// Padding between two columns: one space on either side of the separator.
 const CELL_PADDING: usize = 2;
-/// Width between two columns.
+/// Width of the separator between two columns.
 const SEPARATOR_WIDTH: usize = 1;
 
 /// Table style with lines above, under the header and below, and none between rows.
@@ -117,8 +117,8 @@ impl TextTable {
         for wrap_titles in [false, true] {
             let mut table = self.plain_table(shown, wrap_titles);
             let widths = table.column_max_content_widths();
-            let total = widths.iter().map(|&width| usize::from(width) + CELL_PADDING).sum::<usize>()
-                + SEPARATOR_WIDTH * widths.len().saturating_sub(1);
+            let between = (CELL_PADDING + SEPARATOR_WIDTH) * widths.len().saturating_sub(1);
+            let total = widths.iter().map(|&width| usize::from(width)).sum::<usize>() + between;
             if total <= width {
                 return Some(table);
             }
@@ -138,7 +138,8 @@ impl TextTable {
         };
         let left = usize::from(widths[place]).saturating_sub(excess);
         let Some(column) = table.column_mut(place).filter(|_| left >= MIN_PROSE_WIDTH) else { return false };
-        let fixed = u16::try_from(left + CELL_PADDING).unwrap_or(u16::MAX);
+        let padding = usize::from(column.padding_width());
+        let fixed = u16::try_from(left + padding).unwrap_or(u16::MAX);
         column.set_constraint(ColumnConstraint::Absolute(Width::Fixed(fixed)));
         true
     }
@@ -155,6 +156,10 @@ impl TextTable {
             table.add_row(shown.iter().map(|&index| row[index].clone()).collect::<Vec<_>>());
         }
         for (place, &index) in shown.iter().enumerate() {
+            if let Some(column) = table.column_mut(place) {
+                // The table has no outer margins.
+                column.set_padding((u16::from(place > 0), u16::from(place + 1 < shown.len())));
+            }
             if self.columns[index].kind == ColumnKind::Number
                 && let Some(column) = table.column_mut(place)
             {
@@ -169,7 +174,7 @@ impl TextTable {
         let titles: Vec<&str> = hidden.map(|(_, column)| column.title.as_str()).collect();
         match titles.as_slice() {
             [] => String::new(),
-            titles => format!("\n({} hidden: the terminal is too narrow)", titles.join(", ")),
+            titles => format!("\nHidden in a narrow terminal: {}.", titles.join(", ")),
         }
     }
 

@@ -31,6 +31,7 @@ use self::openenv_task::OpenEnvTask;
 use self::runner::PlannedEpisode;
 use self::session::ServerAddress;
 use self::transcript::{Transcript, TranscriptFormat};
+use super::serve::StopSignal;
 use super::{llm_args, worlds};
 use orchestrator::policy::{ActionCodec, ChatSettings, ObservationFormat};
 
@@ -225,8 +226,9 @@ async fn play(args: &Args) -> anyhow::Result<ExitCode> {
         }
     }
     let (stop_sender, stop) = watch::channel(false);
+    let mut stop_signal = StopSignal::install()?;
     tokio::spawn(async move {
-        if crate::serve::stop_signal().await.is_ok() {
+        if stop_signal.received().await.is_ok() {
             stop_sender.send_replace(true);
         }
         std::future::pending::<()>().await; // receivers would see a dropped sender as a change

@@ -49,7 +49,7 @@ async fn info_check_backup_and_export_work_on_a_live_database() {
     let server = serve_compacted_run(&file).await;
     let copy = folder.path().join("copy.sqlite3");
 
-    let info: Value = serde_json::from_slice(&db(&file, &["info", "--format", "json"]).stdout).unwrap();
+    let info: Value = serde_json::from_slice(&db(&file, &["info", "--json"]).stdout).unwrap();
     let run = &info["runs"][0];
     assert_eq!(run["whole"].as_i64().unwrap() + run["compacted"].as_i64().unwrap(), 24, "{info}");
     assert!(run["compacted"].as_i64().unwrap() > 0 && info["bytes"].as_i64().unwrap() > 0);

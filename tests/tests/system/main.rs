@@ -29,6 +29,7 @@ mod python_stubs;
 mod report;
 mod restart;
 mod retention;
+mod runs_command;
 mod stepping;
 mod training_loop;
 mod trajectories;

@@ -1,0 +1,148 @@
+//! `sparring tail`: prints the events of a run as they happen.
+
+use std::process::ExitCode;
+
+use serde_json::Value;
+
+use super::api::{Connection, EventStream, ServerArgs, StreamedEvent, find_run};
+use super::output;
+
+/// Print the events of a run as they happen, until Ctrl-C.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Events: run (created, changed, paused, resumed, archived), lease, group (closed), move (of a level), claim (of columns), failures, \
+design and warning. If the connection breaks, the command connects again and misses no event.
+
+Examples:
+  sparring tail
+  sparring tail baseline --last 100 --kind move,warning
+  sparring tail baseline --json | jq -c 'select(.kind == \"move\")'")]
+pub struct Args {
+    /// Run whose events to print [default: the only run]
+    #[arg(value_name = "RUN")]
+    run: Option<String>,
+    /// Number of past events to begin with
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(0..=1000))]
+    last: u32,
+    /// Kinds of events to print, separated by commas [default: all]
+    #[arg(long = "kind", value_name = "KIND", value_delimiter = ',',
+          value_parser = ["run", "lease", "group", "move", "claim", "failures", "design", "warning"])]
+    kinds: Vec<String>,
+    /// Exit after the past events
+    #[arg(long)]
+    no_follow: bool,
+    /// Print one JSON object per line
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    server: ServerArgs,
+}
+
+/// Prints events until Ctrl-C, or until stdout is closed.
+///
+/// # Errors
+/// Returns an error if the server cannot be reached or the run does not exist.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+    runtime.block_on(async {
+        let connection = Connection::open(&args.server).await?;
+        let done = follow(&connection, args).await;
+        connection.close().await;
+        done.map(|()| ExitCode::SUCCESS)
+    })
+}
+
+async fn follow(connection: &Connection, args: &Args) -> anyhow::Result<()> {
+    let run = find_run(&connection.api, args.run.as_deref()).await?.id;
+    let mut events = EventStream::open(&connection.api, &run, args.last).await?;
+    // Without a server nothing more will happen.
+    let ends = args.no_follow || !connection.is_server();
+    loop {
+        let Some(event) = (if ends { events.next_past().await? } else { Some(events.next().await?) }) else {
+            return Ok(());
+        };
+        let is_wanted = args.kinds.is_empty() || args.kinds.contains(&event.kind) || event.kind == "gap";
+        if is_wanted && !output::print_unless_closed(&line(&event, args.json))? {
+            return Ok(());
+        }
+    }
+}
+
+/// Formats an event as one line.
+fn line(event: &StreamedEvent, json: bool) -> String {
+    if json {
+        return serde_json::json!({"id": event.id, "kind": event.kind, "data": event.data}).to_string();
+    }
+    let at = event.data["at"].as_str().unwrap_or("–");
+    format!("{at}  {:<8}  {}", event.kind, describe(&event.kind, &event.data))
+}
+
+/// Describes the content of an event.
+fn describe(kind: &str, data: &Value) -> String {
+    let text = |name: &str| data[name].as_str().unwrap_or_default().to_owned();
+    let number = |name: &str| data[name].as_i64().unwrap_or_default();
+    match kind {
+        "run" => text("state"),
+        "lease" => format!(
+            "{} {}: {} groups of {} ({}, {})",
+            text("lease"),
+            text("state"),
+            number("groups"),
+            number("group_size"),
+            text("purpose"),
+            text("form")
+        ),
+        "group" => format!(
+            "{} group {} of {}: {} of {} episodes succeeded",
+            text("lease"),
+            number("group"),
+            text("task"),
+            number("successes"),
+            number("finished")
+        ),
+        "move" => {
+            let from = data["from"].as_i64().map_or_else(String::new, |from| format!(" from level {from}"));
+            let sentence = data["evidence"]["sentence"].as_str().unwrap_or_default();
+            format!("{}{from} to level {}: {sentence}", text("task"), number("to"))
+        }
+        "warning" | "gap" => text("message"),
+        _ => fields(data),
+    }
+}
+
+/// Lists the fields of an event, as "task kessler/survival, admitted 3".
+fn fields(data: &Value) -> String {
+    let fields = data.as_object().into_iter().flatten().filter(|(name, _)| *name != "at");
+    let words = fields.map(|(name, value)| match value {
+        Value::String(text) => format!("{name} {text}"),
+        value => format!("{name} {value}"),
+    });
+    words.collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn events_are_one_line_each() {
+        let event = |kind: &str, data: Value| {
+            line(&StreamedEvent { id: "7".to_owned(), kind: kind.to_owned(), data }, false)
+        };
+        let at = "2026-11-26T10:00:00Z";
+        insta::assert_snapshot!([
+            event("run", json!({"at": at, "state": "created"})),
+            event("lease", json!({"at": at, "lease": "lease_1-a", "state": "created", "purpose": "train", "form": "groups",
+                "groups": 8, "group_size": 4})),
+            event("group", json!({"at": at, "lease": "lease_1-a", "group": 2, "task": "kessler/survival", "successes": 3,
+                "finished": 4})),
+            event("move", json!({"at": at, "task": "kessler/survival", "from": 2, "to": 3,
+                "evidence": {"sentence": "Two blocks passed."}})),
+            event("move", json!({"at": at, "task": "kessler/survival", "from": null, "to": 3, "evidence": {}})),
+            event("failures", json!({"at": at, "task": "kessler/survival", "criticised": 8, "modes": {"collision": 2}})),
+            event("gap", json!({"message": "events are missing"})),
+        ].join("\n"));
+    }
+}

@@ -1,0 +1,124 @@
+//! `sparring runs`, `status` and `tail`: against a server, against the server of a database, and against the database alone.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::{Value, json};
+use system_tests::{ServerProcess, sparring_binary};
+
+fn sparring(args: &[&str]) -> Command {
+    let mut command = Command::new(sparring_binary());
+    for variable in ["SPARRING_URL", "SPARRING_DB", "SPARRING_TOKEN", "SPARRING_LOG"] {
+        command.env_remove(variable);
+    }
+    command.args(args);
+    command
+}
+
+fn output_text(out: &Output) -> String {
+    String::from_utf8([out.stdout.clone(), out.stderr.clone()].concat()).unwrap()
+}
+
+/// Runs a command that must succeed, and returns its stdout.
+fn stdout(db: &Path, args: &[&str]) -> String {
+    let out = sparring(args).arg("--db").arg(db).output().unwrap();
+    assert_eq!(out.status.code(), Some(0), "{args:?}: {}", output_text(&out));
+    String::from_utf8(out.stdout).unwrap()
+}
+
+/// Runs a command that must fail, and returns the sentence on stderr.
+fn error(command: &mut Command) -> String {
+    let out = command.output().unwrap();
+    assert_eq!(out.status.code(), Some(2), "{}", output_text(&out));
+    String::from_utf8(out.stderr).unwrap()
+}
+
+fn json_output(db: &Path, args: &[&str]) -> Value {
+    serde_json::from_str(&stdout(db, args)).unwrap()
+}
+
+/// Creates, lists, changes and shows runs. The commands find out themselves whether a server uses the database.
+fn use_runs(db: &Path, is_served: bool) {
+    let created = stdout(
+        db,
+        &["runs", "create", "--id", "first", "--name", "baseline", "--task", "survival", "--set", "seed=3"],
+    );
+    assert_eq!(created.trim(), "first");
+    let _ = stdout(
+        db,
+        &["runs", "create", "--id", "second", "--strategy", "plr", "--set", "design.designer=off"],
+    );
+    let listed = stdout(db, &["runs", "list"]);
+    let lines: Vec<Vec<&str>> = listed.lines().map(|line| line.split('\t').collect()).collect();
+    let column = |name: &str| lines[0].iter().position(|title| *title == name).unwrap();
+    assert_eq!((lines.len(), lines[1][column("run")], lines[2][column("run")]), (3, "second", "first"));
+    assert_eq!(lines[2][column("tasks")], "kessler/survival");
+    assert_eq!(stdout(db, &["runs", "pause", "fir"]).trim(), "first is paused", "the beginning of one id");
+    assert_eq!(stdout(db, &["runs", "resume", "baseline"]).trim(), "first is active");
+    let shown = json_output(db, &["runs", "show", "fir", "--json"]);
+    assert_eq!((&shown["id"], &shown["seed"]), (&json!("first"), &json!(3)));
+    assert_eq!(shown["mastery"]["tasks"][0]["task"], "kessler/survival");
+    let status = json_output(db, &["status", "--json"]);
+    assert_eq!((&status["run_count"], status["url"].is_string()), (&json!(2), is_served));
+    assert!(stdout(db, &["status", "first"]).contains("kessler/survival"));
+    let events = stdout(db, &["tail", "first", "--json", "--no-follow", "--kind", "run"]);
+    let states: Vec<Value> = events
+        .lines()
+        .map(|line| serde_json::from_str::<Value>(line).unwrap()["data"]["state"].clone())
+        .collect();
+    assert_eq!(states, ["created", "paused", "resumed"]);
+    assert_eq!(stdout(db, &["runs", "archive", "second"]).trim(), "second is archived");
+    assert_eq!(json_output(db, &["runs", "list", "--archived", "--json"])[0]["id"], "second");
+    // One run is left, so it needs no name.
+    assert!(stdout(db, &["runs", "show"]).contains("Run first (baseline)"));
+    let wrong = error(sparring(&["runs", "show", "frist", "--db"]).arg(db));
+    assert!(wrong.contains("did you mean first?"), "{wrong}");
+    let refused = error(sparring(&["runs", "create", "--set", "group_size=0", "--db"]).arg(db));
+    assert!(refused.contains("group_size"), "{refused}");
+}
+
+#[test]
+fn runs_of_a_database_without_a_server() {
+    let folder = tempfile::tempdir().unwrap();
+    let db = folder.path().join("db.sqlite3");
+    let missing = error(sparring(&["runs", "list", "--db"]).arg(&db));
+    assert!(missing.contains("there is no database") && !db.exists(), "{missing}");
+    assert_eq!(ServerProcess::start(&db).terminate(), Some(0));
+    use_runs(&db, false);
+    // Tokens are for clients of a server. A user who can write the file needs none.
+    let _ = stdout(&db, &["token", "create", "me", "--role", "viewer"]);
+    assert!(stdout(&db, &["runs", "list"]).contains("baseline"));
+}
+
+#[test]
+fn runs_of_the_server_of_a_database() {
+    let folder = tempfile::tempdir().unwrap();
+    let db = folder.path().join("db.sqlite3");
+    let server = ServerProcess::start(&db);
+    use_runs(&db, true);
+    let url = format!("http://{}", server.address());
+    let elsewhere = sparring(&["runs", "list", "--url", &url]).output().unwrap();
+    assert!(output_text(&elsewhere).contains("baseline"));
+    assert_eq!(server.terminate(), Some(0));
+    let gone = error(&mut sparring(&["status", "--url", &url]));
+    assert!(gone.contains("no server responds at") && gone.contains("sparring serve"), "{gone}");
+}
+
+#[test]
+fn server_with_tokens_needs_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let db = folder.path().join("db.sqlite3");
+    let token = stdout(&db, &["token", "create", "me", "--role", "admin"]);
+    let server = ServerProcess::start(&db);
+    let denied = error(sparring(&["runs", "create", "--db"]).arg(&db));
+    assert!(denied.contains("set SPARRING_TOKEN"), "{denied}");
+    let wrong =
+        error(sparring(&["runs", "list", "--db"]).arg(&db).env("SPARRING_TOKEN", "sparring_nonsense"));
+    assert!(wrong.contains("rejects the token in SPARRING_TOKEN"), "{wrong}");
+    let out = sparring(&["runs", "create", "--id", "mine", "--db"])
+        .arg(&db)
+        .env("SPARRING_TOKEN", token.trim())
+        .output();
+    assert_eq!(output_text(&out.unwrap()).trim(), "mine");
+    assert_eq!(server.terminate(), Some(0));
+}
