@@ -6,7 +6,7 @@ SHELL := /bin/bash
 NODE_CHECK := process.exit(process.versions.node.split(".")[0] >= 20 ? 0 : 1)
 # Builds the tests, the binary and the Python module together: separate builds would compile dependencies once more with other features.
 BUILD_TESTS := SQLX_OFFLINE=true cargo build --workspace --locked --tests --lib --bin sparring && scripts/python-native
-.PHONY: help demo dashboard wheel test test-prerequisites test-python test-trainers test-heavy test-llm test-otlp bench bench-peers bench-python soak dist fmt lint deny sqlx check-style check-cargo check-clippy check-python check-node
+.PHONY: help demo dashboard wheel test test-prerequisites test-clients test-python test-browser test-trainers test-heavy test-llm test-otlp bench bench-peers bench-python soak dist fmt lint deny sqlx check-style check-cargo check-clippy check-python check-node
 
 help: ## List the targets
 	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -27,19 +27,27 @@ wheel: check-cargo check-python ## Build two wheels in target/wheels: sparring (
 	cd python/server && SQLX_OFFLINE=true ../../target/python-venv/bin/maturin build --profile dist --strip --locked --out ../../target/wheels
 
 # A build from scratch takes less time and disk without the files for incremental compilation.
-test test-python test-trainers test-heavy: export CARGO_INCREMENTAL ?= 0
+test test-python test-browser test-trainers test-heavy: export CARGO_INCREMENTAL ?= 0
 # clippy-driver compiles the tests and lints them in one pass; a separate `cargo clippy` would compile all dependencies once more,
 # which takes minutes. `make lint` also checks code behind features.
-test test-python test-trainers test-heavy: export RUSTC_WORKSPACE_WRAPPER := clippy-driver
-test test-python test-trainers test-heavy: export CLIPPY_ARGS := -Dwarnings
+test test-python test-browser test-trainers test-heavy: export RUSTC_WORKSPACE_WRAPPER := clippy-driver
+test test-python test-browser test-trainers test-heavy: export CLIPPY_ARGS := -Dwarnings
 test: check-cargo check-clippy check-python check-node ## Run all checks that a change must pass
 	cargo fmt --all -- --check
 	@# While the compiler works, packages are downloaded and the tests that need no binary run.
 	@$(MAKE) --no-print-directory test-prerequisites & prerequisites=$$!; \
 		$(BUILD_TESTS) && wait $$prerequisites || { kill $$prerequisites 2>/dev/null; exit 1; }
 	SQLX_OFFLINE=true SPARRING_BINARY="$(CURDIR)/target/debug/sparring" cargo test --workspace --locked
-	@# test-trainers is optional, because torch is a download of hundreds of megabytes. Each of the two uses one core.
-	@$(MAKE) --no-print-directory -j2 test-python $(if $(SPARRING_TRAINERS),test-trainers)
+	@# Each of the two uses about one core.
+	@$(MAKE) --no-print-directory -j2 test-clients test-browser
+
+# The tests of the Python package, then those of training with torch, which is a download of hundreds of megabytes.
+test-clients: test-python
+	@if [[ -n "$$SPARRING_TRAINERS" ]]; then $(MAKE) --no-print-directory test-trainers; fi
+
+test-browser: check-cargo check-clippy check-node ## Test the dashboard in Chromium against real servers (after `make dashboard`)
+	scripts/chromium
+	$(BUILD_TESTS)
 	cd dashboard && SPARRING_BINARY="$(CURDIR)/target/debug/sparring" npm run test:browser
 
 # Downloads the packages of the tests, and runs the tests that need no binary.

@@ -150,3 +150,63 @@ fn good_arguments_are_accepted() {
         Cli::try_parse_from(line.split(' ')).expect(line);
     }
 }
+
+/// Compares the part of a page between two marks with the program's text. `SPARRING_DOCS=write` updates the page.
+fn check_page(page: &str, mark: &str, wanted: &str) {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/reference").join(page);
+    let text = std::fs::read_to_string(&path).unwrap();
+    let (start, end) = (format!("<!-- {mark} -->\n"), format!("<!-- end {mark} -->"));
+    let (before, rest) = text.split_once(&start).unwrap();
+    let (found, after) = rest.split_once(&end).unwrap();
+    if std::env::var("SPARRING_DOCS").is_ok_and(|what| what == "write") {
+        std::fs::write(&path, format!("{before}{start}{wanted}{end}{after}")).unwrap();
+    } else {
+        assert!(found == wanted, "{}: run the tests with SPARRING_DOCS=write", path.display());
+    }
+}
+
+#[test]
+fn reference_has_the_help_of_every_subcommand() {
+    fn collect(command: &mut clap::Command, path: &mut Vec<String>, page: &mut String) {
+        for sub in command.get_subcommands_mut().filter(|sub| sub.get_name() != "help") {
+            path.push(sub.get_name().to_owned());
+            let text = sub.render_help().to_string();
+            let lines: Vec<&str> = text.lines().map(str::trim_end).collect();
+            page.push_str(&format!(
+                "\n## sparring {}\n\n```text\n{}\n```\n",
+                path.join(" "),
+                lines.join("\n").trim_end()
+            ));
+            collect(sub, path, page);
+            path.pop();
+        }
+    }
+    // The page has the flags of all subcommands once.
+    let mut command = super::config::definition().term_width(96);
+    for global in ["log", "log_format", "config"] {
+        command = command.mut_arg(global, |arg| arg.hide(true));
+    }
+    command.build();
+    let mut page = String::new();
+    collect(&mut command, &mut Vec::new(), &mut page);
+    check_page("cli.md", "subcommands", &(page + "\n"));
+}
+
+#[test]
+fn reference_has_the_settings_of_serve() {
+    let definition = super::config::definition();
+    let serve = definition.find_subcommand("serve").unwrap();
+    let mut table = "\n| Key and flag | Variable | Default |\n| -- | -- | -- |\n".to_owned();
+    for arg in serve.get_arguments().filter(|arg| !matches!(arg.get_long(), None | Some("help"))) {
+        let default: Vec<_> = arg.get_default_values().iter().map(|value| value.to_string_lossy()).collect();
+        let is_switch = matches!(arg.get_action(), clap::ArgAction::SetTrue);
+        let default = match default.join(", ") {
+            text if text.is_empty() && is_switch => "`false`".to_owned(),
+            text if text.is_empty() => "none".to_owned(),
+            text => format!("`{text}`"),
+        };
+        let variable = arg.get_env().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        table.push_str(&format!("| `{}` | `{variable}` | {default} |\n", arg.get_long().unwrap_or_default()));
+    }
+    check_page("configuration.md", "serve", &(table + "\n"));
+}

@@ -4,8 +4,11 @@ use clap::{Arg, Command};
 
 /// Adds `SPARRING_…` to each flag of `serve` that has no variable.
 pub(super) fn add_variables(definition: Command) -> Command {
-    definition.mut_subcommand("serve", |serve| {
-        serve.mut_args(|arg| match arg.get_long() {
+    definition.mut_subcommands(|sub| {
+        if sub.get_name() != "serve" {
+            return sub;
+        }
+        sub.mut_args(|arg| match arg.get_long() {
             Some(flag) if arg.get_env().is_none() && flag != "help" => {
                 let name = variable_name(flag);
                 arg.env(name).hide_env_values(true)
