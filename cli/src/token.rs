@@ -23,7 +23,7 @@ use orchestrator::tokens::Token;
 #[command(after_help = "\
 A token is shown once, when it is created; the database stores only its hash. Clients send it as `Authorization: Bearer \
 sparring_…`. A viewer can read. A trainer can also create runs, lease scenarios, report results and open sessions. An admin can \
-also pause runs, change their retention, request designs and read the audit log. As soon as a token exists, the server rejects \
+also change, pause, archive and resume runs, set their retention, request designs and read the audit log. As soon as a token exists, the server rejects \
 requests without one, also from its own machine. A running server learns of new and revoked tokens within 5 seconds, and then \
 closes the connections of revoked and expired ones. Create the first token before the server is reachable, as the user that \
 runs the server: the command creates a missing database, and that user must own it.

@@ -67,7 +67,12 @@ pub fn run(args: &Args, file: &ConfigFile) -> anyhow::Result<ExitCode> {
 
 /// Returns the definition of the command line, with the environment variables that are derived from flags.
 pub(super) fn definition() -> Command {
-    environment::add_variables(Cli::command())
+    allow_negative_numbers(environment::add_variables(Cli::command()))
+}
+
+/// Makes `--seed -1` an invalid value of `--seed` instead of an unknown flag, in all subcommands.
+fn allow_negative_numbers(command: Command) -> Command {
+    command.allow_negative_numbers(true).mut_subcommands(allow_negative_numbers)
 }
 
 /// Parses a command line under the configuration file that it or the environment names. `--help` and usage errors end the

@@ -65,8 +65,8 @@ pub struct Args {
     /// Exit after the training. Otherwise, on a terminal, the dashboard stays up until Ctrl-C
     #[arg(long)]
     exit: bool,
-    /// Seed of the run's scenarios and of the learner
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..1 << 53))]
+    /// Seed of the run's scenarios and of the learner, from 0 to 2^51 − 1
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..1 << 51))]
     seed: u64,
     /// Learner or control that runs the episodes
     #[arg(long, value_enum, default_value = "learn")]
