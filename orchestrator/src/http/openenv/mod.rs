@@ -49,7 +49,7 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(connect_environment_session))
         .routes(routes!(connect_ui_session))
         .route("/", get(web::home))
-        .route("/web", get(web::home))
+        .route("/web", get(web::without_slash))
         .route("/web/", get(web::page))
         .route("/web/metadata", get(metadata::web_metadata))
         .route("/web/state", get(web::state))

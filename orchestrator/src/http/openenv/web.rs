@@ -39,7 +39,15 @@ static PAGE_WITH_TASKS: LazyLock<String> = LazyLock::new(|| {
 
 /// Redirects to the dashboard, or to OpenEnv's page if OpenEnv's routes are public, since the dashboard needs `/v1`.
 pub(super) async fn home(State(app): State<AppState>) -> Response {
-    let page = if app.openenv_public { "/web/" } else { "/dashboard/" };
+    redirect(if app.openenv_public { "/web/" } else { "/dashboard/" })
+}
+
+/// Redirects from `/web` to OpenEnv's page.
+pub(super) async fn without_slash() -> Response {
+    redirect("/web/")
+}
+
+fn redirect(page: &'static str) -> Response {
     (StatusCode::TEMPORARY_REDIRECT, [(header::LOCATION, page)]).into_response()
 }
 

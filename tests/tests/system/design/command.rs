@@ -63,7 +63,9 @@ async fn layouts_aim_at_the_failures_of_a_run() {
     let process = run_design(strings(&["--run", "unknown", "--url", &url])).await;
     let stderr = String::from_utf8(process.stderr).unwrap();
     assert!(
-        process.status.code() == Some(2) && stderr.contains("404") && stderr.lines().count() == 1,
+        process.status.code() == Some(2)
+            && stderr.contains("there is no run \"unknown\"")
+            && stderr.lines().count() == 1,
         "{stderr}"
     );
     let process = run_design(run_args(&["--task", "kessler/survival"])).await;

@@ -14,6 +14,8 @@ use super::socket::{OpenEnvSocket, captured_exchanges, find_difference};
 enum Difference {
     /// Has this status and any body.
     Status(u16),
+    /// Redirects to this path.
+    Location(&'static str),
     /// Is an observation instead of an error.
     Observation,
     /// Is a frame with this error code, and the session continues.
@@ -31,11 +33,12 @@ const KEPT: &str = "the environment of /reset is available at /step";
 const ALIVE: &str = "no message of a client ends its session";
 
 /// Each intended difference: name of the exchange, our response and the reason.
-const DIFFERENCES: [(&str, Difference, &str); 32] = [
+const DIFFERENCES: [(&str, Difference, &str); 33] = [
     ("http_get_openapi_json", Difference::Status(200), "one document for all routes of this server"),
     ("web_openapi", Difference::Status(200), "one document for all routes of this server"),
     ("http_get_root", Difference::Status(307), "web mode is always on"),
     ("http_get_web", Difference::Status(307), "web mode is always on"),
+    ("web_get_root_redirect", Difference::Location("/dashboard/"), "the dashboard is the front page"),
     ("http_get_unknown_404", Difference::Problem, "problem details (RFC 9457) with the same detail"),
     ("http_get_reset_405", Difference::Problem, "problem details (RFC 9457) with the same detail"),
     ("http_get_schema", Difference::More, "physics options add fields to observations"),
@@ -88,7 +91,7 @@ fn check_response(name: &str, captured: &Value, ours: &Value, already_differs: b
             let result = ours.get("result").or_else(|| ours.pointer("/data/result"));
             assert!(result.is_some_and(Value::is_object), "{name}: {ours}");
         }
-        Some(Difference::Status(_)) => {}
+        Some(Difference::Status(_) | Difference::Location(_)) => {}
         Some(Difference::Problem) => {
             assert!(ours["detail"].is_string() && ours["type"].is_string(), "{name}: {ours}");
         }
@@ -154,9 +157,16 @@ async fn repeat_http_exchange(
         Some(Difference::Observation | Difference::Result) => assert_eq!(status, 200, "{name}"),
         _ => assert_eq!(u64::from(status), captured["status"].as_u64().unwrap(), "{name}"),
     }
-    if let Some(location) = captured["headers"]["location"].as_str() {
-        assert_eq!(response.headers()["location"], location, "{name}");
-    }
+    let is_elsewhere = if let Some(captured) = captured["headers"]["location"].as_str() {
+        let wanted = match expected_difference(name) {
+            Some(Difference::Location(wanted)) => wanted,
+            _ => captured,
+        };
+        assert_eq!(response.headers()["location"], wanted, "{name}");
+        wanted != captured
+    } else {
+        false
+    };
     let ours: Value = serde_json::from_str(&response.text().await.unwrap()).unwrap_or_default();
     let mut captured_body = captured["body_json"].clone();
     if let (Some(captured_id), Some(our_id)) =
@@ -174,7 +184,8 @@ async fn repeat_http_exchange(
     if name.contains("state") && ours.get("task").is_some() {
         return check_response(name, &captured_body, &common_state(&ours), false); // openenv-core's State allows further fields
     }
-    check_response(name, &captured_body, &ours, u64::from(status) != captured["status"].as_u64().unwrap());
+    let already_differs = is_elsewhere || u64::from(status) != captured["status"].as_u64().unwrap();
+    check_response(name, &captured_body, &ours, already_differs);
 }
 
 /// Returns a state without the fields that only this server has.
