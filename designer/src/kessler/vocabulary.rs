@@ -48,7 +48,7 @@ pub const STEP: Bound = Bound {
     max: HORIZON - 2,
     scale: 1.0,
     unit: "TU",
-    description: "the step at whose end the debris is closest to the satellite, if nobody burns",
+    description: "the step at whose end the debris is closest to the satellite if no satellite burns",
 };
 /// Bearing from which the debris comes.
 pub const BEARING: Bound = Bound {
@@ -147,7 +147,7 @@ pub const KINDS: [KindSpec; 3] = [
         name: "decoy",
         min_miss: 22,
         max_miss: 80,
-        description: "comes close and misses, if nobody burns",
+        description: "comes close and misses if no satellite burns",
     },
     KindSpec {
         kind: EncounterKind::Screen,
