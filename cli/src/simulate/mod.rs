@@ -28,7 +28,7 @@ const ALL: &str = "all";
 /// Simulate a curriculum with learners of known ability.
 ///
 /// No world is stepped: a scenario is only a difficulty, in rows of its task's table of levels. A learner succeeds on contested
-/// scenarios with a probability that falls from one to zero around its ability: with skill 4 it succeeds on half of the
+/// scenarios with a probability that falls from one to zero around its ability: with ability 4 it succeeds on half of the
 /// contested scenarios of level 4. Strategies, event fold, settings and rules are those of the service. A simulation of
 /// 20 000 episodes takes a fraction of a second.
 ///
@@ -116,10 +116,10 @@ fn after_help() -> String {
 
 const AFTER_HELP: &str = "
 
-Columns: skill is the learner's final skill and faced the mean row of its scenarios over the last tenth, both averaged over the \
-tasks. success, contested (success on contested scenarios) and zero variance (share of zero-variance groups) are of the second half \
-of the groups that the learner learnt from. learnt from is the share of those groups among all, up and down count level moves, and \
-placed after is the episode after which every task was placed.
+Columns: ability is the learner's final ability and difficulty the mean difficulty of its scenarios over the last tenth, both in \
+levels and averaged over the tasks. success, contested (success on contested scenarios) and zero variance (share of zero-variance \
+groups) are of the second half of the groups that the learner learnt from. learnt from is the share of those groups among all, up \
+and down count level moves, and placed after is the episode after which every task was placed.
 
 JSON (--json): one object {episodes, group_size, tasks, seed, simulations}, each simulation {strategy, learner, summary, moves}.
 

@@ -36,8 +36,8 @@ fn lines(simulated: &[CompletedSimulation]) -> Report {
         table.add_row([
             one.strategy.name().to_owned(),
             one.learner.name().to_owned(),
-            format!("{:.1}", summary.skill),
-            format!("{:.1}", summary.faced),
+            format!("{:.1}", summary.ability),
+            format!("{:.1}", summary.difficulty),
             format!("{:.2}", summary.success),
             format!("{:.2}", summary.contested_success),
             summary.flat.map_or_else(|| "none".to_owned(), |flat| format!("{flat:.2}")),
@@ -120,7 +120,7 @@ fn row(to: u64, samples: &[&SimulatedGroup]) -> [String; 7] {
     [
         to.to_string(),
         samples.len().to_string(),
-        mean(|sample| sample.skill),
+        mean(|sample| sample.ability),
         mean(|sample| sample.difficulty),
         success(false),
         success(true),

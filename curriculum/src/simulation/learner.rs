@@ -1,5 +1,5 @@
 //! Learners that attempt synthetic scenarios. Success is a logistic curve over the difference between the learner's
-//! skill and the scenario's difficulty.
+//! ability and the scenario's difficulty.
 
 use std::collections::BTreeMap;
 
@@ -10,10 +10,10 @@ use super::scenario::SyntheticScenario;
 /// Width of the logistic curve, in rows. Fitted to the look-ahead policies, which win every episode of level 0 and one
 /// to three in ten of level 9.
 pub const SUCCESS_WIDTH: f64 = 1.5;
-/// Skill of an untrained learner: 12 % success on contested scenarios of level 0.
-const UNTRAINED_SKILL: f64 = -3.0;
-/// Highest skill: about one half on a row above the last.
-const MAX_SKILL: f64 = 10.0;
+/// Ability of an untrained learner: 12 % success on contested scenarios of level 0.
+const UNTRAINED_ABILITY: f64 = -3.0;
+/// Highest ability: about one half on a row above the last.
+const MAX_ABILITY: f64 = 10.0;
 /// Gain on other tasks, as a share of the gain on the trained one.
 const TRANSFER: f64 = 0.2;
 /// Failure rate of a learner on uncontested scenarios, which need no action.
@@ -109,12 +109,12 @@ pub struct GroupResult {
     pub failed: u32,
 }
 
-/// Learner with its current skill.
+/// Learner with its current ability.
 #[derive(Debug, Clone)]
 pub struct Learner {
     kind: LearnerKind,
-    /// Skill by task, in rows: the learner succeeds half the time on contested scenarios of that row.
-    skill: BTreeMap<String, f64>,
+    /// Ability by task, in rows: the learner succeeds half the time on contested scenarios of that row.
+    ability: BTreeMap<String, f64>,
     /// Success rate on all contested scenarios, for a learner that never changes.
     constant_success: Option<f64>,
     episodes: u64,
@@ -124,21 +124,21 @@ impl Learner {
     /// An untrained learner for these tasks.
     #[must_use]
     pub fn new(kind: LearnerKind, tasks: &[String]) -> Self {
-        let skill = tasks.iter().map(|task| (task.clone(), UNTRAINED_SKILL)).collect();
-        Self { kind, skill, constant_success: None, episodes: 0 }
+        let ability = tasks.iter().map(|task| (task.clone(), UNTRAINED_ABILITY)).collect();
+        Self { kind, ability, constant_success: None, episodes: 0 }
     }
 
     /// A learner with this success rate on all contested scenarios, which never changes.
     #[must_use]
     pub fn constant(success_rate: f64) -> Self {
         let kind = LearnerKind::Slow;
-        Self { kind, skill: BTreeMap::new(), constant_success: Some(success_rate), episodes: 0 }
+        Self { kind, ability: BTreeMap::new(), constant_success: Some(success_rate), episodes: 0 }
     }
 
-    /// Skill at a task, in rows.
+    /// Ability at a task, in rows.
     #[must_use]
-    pub fn skill(&self, task: &str) -> f64 {
-        self.skill.get(task).copied().unwrap_or(UNTRAINED_SKILL)
+    pub fn ability(&self, task: &str) -> f64 {
+        self.ability.get(task).copied().unwrap_or(UNTRAINED_ABILITY)
     }
 
     /// Probability that an episode succeeds.
@@ -147,7 +147,7 @@ impl Learner {
         if !scenario.solvable {
             return 0.0;
         }
-        let by_skill = match (self.constant_success, scenario.contested) {
+        let by_ability = match (self.constant_success, scenario.contested) {
             (Some(success_rate), true) => success_rate,
             (Some(_), false) => 1.0,
             (None, contested) => match (self.kind, contested) {
@@ -156,12 +156,12 @@ impl Learner {
                 (_, true) => {
                     let offset = self.kind.difficulty_spread() * scenario.difficulty_offset;
                     let difficulty = scenario.difficulty + offset;
-                    1.0 / (1.0 + libm::exp(-(self.skill(task) - difficulty) / SUCCESS_WIDTH))
+                    1.0 / (1.0 + libm::exp(-(self.ability(task) - difficulty) / SUCCESS_WIDTH))
                 }
                 (_, false) => 1.0 - NEEDLESS_FAILURE_RATE,
             },
         };
-        if self.kind == LearnerKind::Noisy { 0.7 * by_skill + 0.15 } else { by_skill }
+        if self.kind == LearnerKind::Noisy { 0.7 * by_ability + 0.15 } else { by_ability }
     }
 
     /// Runs a group of episodes, and learns from them if `train` is true.
@@ -189,22 +189,22 @@ impl Learner {
         result
     }
 
-    /// Raises the skill by one episode: most at a success rate of one half, and little on an uncontested scenario.
+    /// Raises the ability by one episode: most at a success rate of one half, and little on an uncontested scenario.
     fn learn(&mut self, task: &str, scenario: &SyntheticScenario, success: f64) {
         let signal = if scenario.contested { 4.0 * success * (1.0 - success) } else { 0.02 };
         // The minimum stands for a first success by luck, with which learning begins.
         let gain = self.kind.learning_rate() * signal.max(if scenario.solvable { 0.02 } else { 0.0 });
-        for (known, skill) in &mut self.skill {
+        for (known, ability) in &mut self.ability {
             let gain = if known == task { gain } else { TRANSFER * gain };
-            *skill = (*skill + gain).min(MAX_SKILL);
+            *ability = (*ability + gain).min(MAX_ABILITY);
         }
     }
 
-    /// Counts an episode; a forgetful learner loses skill at every ten-thousandth.
+    /// Counts an episode; a forgetful learner loses ability at every ten-thousandth.
     fn count_episode(&mut self) {
         self.episodes += 1;
         if self.kind == LearnerKind::Forgetful && self.episodes.is_multiple_of(10_000) {
-            self.skill.values_mut().for_each(|skill| *skill = (*skill - 4.0).max(UNTRAINED_SKILL));
+            self.ability.values_mut().for_each(|ability| *ability = (*ability - 4.0).max(UNTRAINED_ABILITY));
         }
     }
 }

@@ -4,7 +4,7 @@
 //! Start with [`runner`]. One simulation runs on one thread; callers run several in parallel.
 //!
 //! - [`scenario`]: scenarios that consist of their difficulty alone.
-//! - [`learner`]: learners that attempt them, and how their skill grows.
+//! - [`learner`]: learners that attempt them, and how their ability grows.
 //! - [`runner`]: a curriculum and a learner against each other, as the service would run them.
 //! - [`summary`]: the result in numbers.
 

@@ -44,8 +44,8 @@ pub struct SimulatedGroup {
     pub role: ProposalRole,
     /// Difficulty of its params, in rows of the level table.
     pub difficulty: f64,
-    /// Skill of the learner before the group, in rows.
-    pub skill: f64,
+    /// Ability of the learner before the group, in rows.
+    pub ability: f64,
     /// True if its scenario was contested.
     pub contested: bool,
     /// True if the learner learnt from it.
@@ -140,7 +140,7 @@ impl Simulator<'_> {
             return false;
         };
         let scenario = self.scenario(seq, proposal, difficulty(&tasks[task_index], &proposal.params));
-        let skill = self.learner.skill(&proposal.task);
+        let ability = self.learner.ability(&proposal.task);
         let group_size = self.plan.group_size;
         let result =
             self.learner.run_group(&proposal.task, &scenario, group_size, proposal.train, &mut self.rng);
@@ -150,7 +150,7 @@ impl Simulator<'_> {
             task_index,
             role: proposal.role,
             difficulty: scenario.difficulty,
-            skill,
+            ability,
             contested: scenario.contested,
             train: proposal.train,
             placed,

@@ -8,10 +8,10 @@ use crate::MoveKind;
 /// Summary of a simulation.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SimulationSummary {
-    /// Skill of the learner at the end, in rows, as the mean over the tasks.
-    pub skill: f64,
+    /// Ability of the learner at the end, in rows, as the mean over the tasks.
+    pub ability: f64,
     /// Mean difficulty of the last tenth of the groups, in rows.
-    pub faced: f64,
+    pub difficulty: f64,
     /// Success rate of the second half of the groups, of those that the learner learnt from.
     pub success: f64,
     /// The same for contested scenarios only.
@@ -46,10 +46,10 @@ impl SimulationSummary {
         let last_tenth = &trace.groups[trace.groups.len() - trace.groups.len().div_ceil(10)..];
         let mut by_task = vec![0usize; tasks];
         trace.groups.iter().for_each(|group| by_task[group.task_index] += 1);
-        let skills = trace.status.iter().map(|status| trace.learner.skill(&status.task));
+        let abilities = trace.status.iter().map(|status| trace.learner.ability(&status.task));
         Self {
-            skill: skills.sum::<f64>() / tasks as f64,
-            faced: mean(last_tenth.iter().map(|group| group.difficulty)).unwrap_or(0.0),
+            ability: abilities.sum::<f64>() / tasks as f64,
+            difficulty: mean(last_tenth.iter().map(|group| group.difficulty)).unwrap_or(0.0),
             success: success_rate(&trained),
             contested_success: success_rate(&contested),
             flat: mean(several.map(|group| f64::from(u8::from(group.has_zero_variance())))),

@@ -89,8 +89,8 @@ fn dropped_failures_block_moves_until_they_are_few() {
                 })
                 .unwrap();
             // The block lost at most 10 % of its episodes, half of the failures: true success is at least 0.8.
-            let success = 1.0 / (1.0 + libm::exp(-(group.skill - level) / learner::SUCCESS_WIDTH));
-            assert!(success > 0.7, "up from {level} at a skill of {:.2}", group.skill);
+            let success = 1.0 / (1.0 + libm::exp(-(group.ability - level) / learner::SUCCESS_WIDTH));
+            assert!(success > 0.7, "up from {level} at an ability of {:.2}", group.ability);
         }
     });
 }
@@ -120,7 +120,7 @@ fn half_target_keeps_success_near_one_half() {
                 .iter()
                 .filter(|s| s.placed && s.contested && s.role == ProposalRole::Frontier)
                 // A learner beyond the table finds no harder level.
-                .filter(|s| s.episodes_before > 8000 && s.skill < 9.0)
+                .filter(|s| s.episodes_before > 8000 && s.ability < 9.0)
                 .collect();
             let sum = |of: fn(&SimulatedGroup) -> u32| {
                 frontier.iter().map(|s| u64::from(of(s))).sum::<u64>() as f64
@@ -136,10 +136,10 @@ fn half_target_keeps_success_near_one_half() {
     }
 }
 
-/// A learner improves under every strategy, and strategies that follow its skill propose harder scenarios to a better
+/// A learner improves under every strategy, and strategies that follow its ability propose harder scenarios to a better
 /// learner.
 #[test]
-fn proposed_difficulty_follows_skill() {
+fn proposed_difficulty_follows_ability() {
     StrategyKind::ALL.into_par_iter().for_each(|strategy| {
         let trace = run(LearnerKind::Fast, &plan(settings(strategy), 60_000, 4, 1));
         let (first, last) = (&trace.groups[..1000], &trace.groups[trace.groups.len() - 1000..]);
@@ -147,15 +147,19 @@ fn proposed_difficulty_follows_skill() {
             of.iter().filter(|s| s.train).map(|s| s.difficulty).sum::<f64>()
                 / of.iter().filter(|s| s.train).count().max(1) as f64
         };
-        let skill = SimulationSummary::new(&trace).skill;
-        println!("{strategy}: skill {skill:.1}, faced {:.1} first and {:.1} last", mean(first), mean(last));
+        let ability = SimulationSummary::new(&trace).ability;
+        println!(
+            "{strategy}: ability {ability:.1}, difficulty {:.1} first and {:.1} last",
+            mean(first),
+            mean(last)
+        );
         match strategy {
             StrategyKind::Fixed | StrategyKind::Uniform => {}
             StrategyKind::Ladder | StrategyKind::Adr => assert!(mean(last) > mean(first) + 1.0, "{strategy}"),
             _ => assert!(mean(last) > mean(first) - 0.5, "{strategy}: {} {}", mean(first), mean(last)),
         }
         // It starts at −3.
-        assert!(skill > -2.0, "{strategy}: {skill}");
+        assert!(ability > -2.0, "{strategy}: {ability}");
     });
 }
 
