@@ -60,6 +60,21 @@ impl GateCheck {
         }
     }
 
+    /// Returns the defect of a layout that fails the check, for counts in text, such as "3 duplicates".
+    #[must_use]
+    pub const fn defect(self) -> &'static str {
+        match self {
+            Self::Schema => "invalid",
+            Self::Compiles => "not placeable",
+            Self::Aim => "off target",
+            Self::Fair => "unfair",
+            Self::Solvable => "unsolvable",
+            Self::Contested => "not contested",
+            Self::Decoy => "ineffective decoy",
+            Self::New => "duplicate",
+        }
+    }
+
     /// Returns the condition that a layout must satisfy, as listed in the documentation.
     #[must_use]
     pub const fn description(self) -> &'static str {

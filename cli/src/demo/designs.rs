@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use api_types::{DesignState, DesignSummary};
+use designer::GateCheck;
 use env_core::critique::bearing_sector;
 use serde::Serialize;
 
@@ -66,9 +67,8 @@ impl Designs {
         }
         let describe = |(task, aims): (&str, BTreeMap<String, usize>)| {
             let count: usize = aims.values().sum();
-            let layouts = if count == 1 { "a layout is" } else { "layouts are" };
-            let number = if count == 1 { String::new() } else { format!("{count} ") };
-            format!("{task}: {number}{layouts} designed for its failures: {}", list_counts(&aims))
+            let layouts = if count == 1 { "layout" } else { "layouts" };
+            format!("{task}: {count} new {layouts} for its failures: {}", list_counts(&aims))
         };
         fresh.into_iter().map(describe).collect()
     }
@@ -80,11 +80,13 @@ impl TaskDesignSummary {
         if self.admitted + self.refused.len() == 0 {
             return None;
         }
-        let mut words =
-            format!("Designed for its failures: {} layouts ({})", self.admitted, list_counts(&self.aims));
+        let mut words = format!("Layouts for its failures: {}", self.admitted);
+        if self.admitted > 0 {
+            words += &format!(" ({})", list_counts(&self.aims));
+        }
         if !self.refused.is_empty() {
             let count: usize = self.refused.values().sum();
-            words += &format!("; the gate refused {count} more ({})", list_counts(&self.refused));
+            words += &format!("; the gate refused {count} more ({})", list_counts(&defects(&self.refused)));
         }
         if let Some(success) = self.success {
             words += &format!("; success rate {success:.2} over {} episodes", self.episodes);
@@ -94,6 +96,15 @@ impl TaskDesignSummary {
         }
         Some(words + ".")
     }
+}
+
+/// Renames checks of the gate to the defects that they found.
+fn defects(refused: &BTreeMap<String, usize>) -> BTreeMap<String, usize> {
+    let defect = |name: &String| {
+        let check = GateCheck::ALL.iter().find(|check| check.as_str() == name);
+        check.map_or_else(|| name.clone(), |check| check.defect().to_owned())
+    };
+    refused.iter().map(|(name, count)| (defect(name), *count)).collect()
 }
 
 /// Lists the three largest counts and the sum of the others.
@@ -175,15 +186,16 @@ mod tests {
         ];
         let designs = Designs { share: Some(0.2), all };
         let mut seen = BTreeSet::new();
-        let expected = "kessler/survival: 3 layouts are designed for its failures: 2 collision from +Y, 1 collision from -X";
+        let expected =
+            "kessler/survival: 3 new layouts for its failures: 2 collision from +Y, 1 collision from -X";
         assert_eq!(designs.describe_new(&mut seen), [expected]);
         assert!(designs.describe_new(&mut seen).is_empty());
         let sums = designs.summarize_task("kessler/survival");
         assert_eq!((sums.admitted, sums.episodes, sums.success), (3, 72, Some(0.25)));
         assert_eq!(
             sums.describe().unwrap(),
-            "Designed for its failures: 3 layouts (2 collision from +Y, 1 collision from -X); the gate refused 1 more \
-             (1 solvable); success rate 0.25 over 72 episodes; retired: 1 mastered."
+            "Layouts for its failures: 3 (2 collision from +Y, 1 collision from -X); the gate refused 1 more \
+             (1 unsolvable); success rate 0.25 over 72 episodes; retired: 1 mastered."
         );
         assert_eq!(designs.summarize_task("kessler/formation").describe(), None);
     }

@@ -115,20 +115,20 @@ fn line(progress: &Progress) -> String {
     )
 }
 
-/// Builds the table of all tasks: success on contested scenarios of the level with its bounds, success and skill over all
-/// episodes, and the success of the last generation.
+/// Builds the table of all tasks: mastery of the level with its bounds, success and skill over all episodes, and the success of
+/// the last generation.
 pub(super) fn table(progress: &Progress) -> TextTable {
     let mut table = TextTable::new([
         Column::text("task"),
         Column::prose("params in force").optional(1),
         Column::number("level"),
-        Column::number("contested (10–90 %)"),
-        Column::number("all"),
+        Column::number("mastery (10–90 %)"),
+        Column::number("success"),
         Column::number("skill"),
-        Column::number("population").optional(3),
-        Column::number("elite").optional(3),
+        Column::number("population success").optional(3),
+        Column::number("elite success").optional(3),
         Column::number("episodes"),
-        Column::number("per s").optional(2),
+        Column::number("episodes/s").optional(2),
     ]);
     for task in &progress.mastery {
         let generation = progress.trainees.get(&task.task).and_then(Trainee::last_success);

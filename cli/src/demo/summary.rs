@@ -144,7 +144,7 @@ pub(super) fn text_report(progress: &Progress, run: &str, db: Option<&Path>) -> 
     }
     if let Some(share) = progress.designs.share.filter(|share| *share > 0.0) {
         report.paragraph(format!(
-            "{:.0} % of all groups had designed layouts; these do not move levels.",
+            "{:.0} % of all groups had designed layouts. Their results do not move levels.",
             100.0 * share
         ));
     }
@@ -210,18 +210,13 @@ fn mastered_levels(moves: &[&LevelChange]) -> Option<String> {
 fn describe_frontier(task: &TaskMastery, level: u32, top: usize) -> String {
     let bounds = mastery_evidence(task).map_or_else(
         || "no contested scenario has counted yet".to_owned(),
-        |m| {
-            format!(
-                "it succeeds on {:.2} of contested scenarios ({:.2} to {:.2}, n {})",
-                m.mean, m.q10, m.q90, m.n
-            )
-        },
+        |m| format!("mastery {:.2} ({:.2} to {:.2}) after {} contested scenarios", m.mean, m.q10, m.q90, m.n),
     );
     let plain = share(task.results.success);
-    let what = if level as usize == top { "At the top" } else { "Not mastered yet" };
+    let what = if level as usize == top { "Top level" } else { "Current level" };
     let harder = changed_params(&task.task, level);
     let harder = if harder.is_empty() { harder } else { format!(" (harder than {}: {harder})", level - 1) };
-    format!("{what}: level {level}{harder}: {bounds}. Success over all episodes of the level: {plain}.")
+    format!("{what} {level}{harder}: {bounds}; success over all episodes {plain}.")
 }
 
 /// Lists the params that differ from the level below.

@@ -67,18 +67,19 @@ impl DesignReport {
     }
 
     /// Counts the refused layouts by check, in the order of the checks. Checks without refusals are left out.
-    pub(super) fn refused_by_check(&self) -> Vec<(&'static str, usize)> {
+    pub(super) fn refused_by_check(&self) -> Vec<(GateCheck, usize)> {
         let refused = |check: GateCheck| {
             self.rows.iter().filter(|row| row.verdict.as_ref().is_err_and(|why| why.check() == check)).count()
         };
-        let counts = GateCheck::ALL.iter().map(|check| (check.as_str(), refused(*check)));
+        let counts = GateCheck::ALL.iter().map(|check| (*check, refused(*check)));
         counts.filter(|(_, count)| *count > 0).collect()
     }
 
     /// Builds the JSON object of `--json`.
     pub(super) fn json(&self) -> Value {
         let usage = &self.usage;
-        let refused: BTreeMap<_, _> = self.refused_by_check().into_iter().collect();
+        let refused: BTreeMap<_, _> =
+            self.refused_by_check().into_iter().map(|(check, count)| (check.as_str(), count)).collect();
         json!({
             "designer": self.designer,
             "layouts": self.rows.iter().map(LayoutResult::json).collect::<Vec<_>>(),

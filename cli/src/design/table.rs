@@ -83,8 +83,8 @@ fn summary(outcome: &DesignReport) -> String {
     };
     let refused = outcome.refused_by_check();
     if !refused.is_empty() {
-        let by: Vec<_> = refused.iter().map(|(check, count)| format!("{check} {count}")).collect();
-        let _ = write!(text, "; refused by check: {}", by.join(", "));
+        let by: Vec<_> = refused.iter().map(|(check, count)| format!("{count} {}", check.defect())).collect();
+        let _ = write!(text, "; refused: {}", by.join(", "));
     }
     let usage = &outcome.usage;
     let seconds = outcome.elapsed.as_secs_f64();
