@@ -20,6 +20,7 @@ from . import _native
 from .api import operations
 from .connection import read_token
 from .curriculum import DEFAULT_URL
+from .errors import invalid
 from .scenario import to_json
 
 #: Seconds before the first retry if the server names no delay; doubled after each retry.
@@ -57,7 +58,7 @@ class ApiError(Exception):
 
 
 class ServerUnreachableError(Exception):
-    """The server did not answer, in spite of retries."""
+    """The server did not answer, in spite of repeated requests."""
 
 
 class Event(NamedTuple):
@@ -78,13 +79,13 @@ class _Connection:
         try:
             parsed = httpx.URL(url)
         except (httpx.InvalidURL, TypeError) as error:
-            raise ValueError(f"url: {url!r} is not a URL: {error}") from error
+            raise invalid("url", f"an address such as {DEFAULT_URL}", url) from error
         if parsed.scheme not in ("http", "https") or not parsed.host:
-            raise ValueError(f"url: {url!r} is not an address like {DEFAULT_URL}")
+            raise invalid("url", f"an address such as {DEFAULT_URL}", url)
         for name, value in (("timeout_s", timeout_s), ("retry_timeout_s", retry_timeout_s)):
             is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
             if not is_number or not value >= 0.0 or (name == "timeout_s" and value == 0):
-                raise ValueError(f"{name}: {value!r} is not a valid number of seconds")
+                raise invalid(name, f"a number of seconds {'>' if name == 'timeout_s' else '>='} 0", value)
         token = read_token(token)
         headers = {"Accept": "application/json", **({"Authorization": f"Bearer {token}"} if token else {})}
         self.url = url.rstrip("/")
@@ -102,8 +103,9 @@ class _Connection:
 class _RetryPolicy:
     """Decides whether and when to send a request again."""
 
-    def __init__(self, timeout_s: float, is_repeatable: bool) -> None:
-        self._deadline = time.monotonic() + timeout_s
+    def __init__(self, connection: _Connection, is_repeatable: bool) -> None:
+        self._url = connection.url
+        self._deadline = time.monotonic() + connection.retry_timeout_s
         self._is_repeatable = is_repeatable
         self._next_delay = RETRY_DELAY_S
 
@@ -129,7 +131,10 @@ class _RetryPolicy:
         is_unsent = isinstance(error, (httpx.ConnectError, httpx.ConnectTimeout, httpx.PoolTimeout))
         delay = self._delay(None) if self._is_repeatable or is_unsent else None
         if delay is None:
-            raise ServerUnreachableError(f"no response: {error or type(error).__name__}") from error
+            reason = str(error) or type(error).__name__
+            raise ServerUnreachableError(
+                f"no server answers at {self._url}: {reason}; start one with `sparring serve`"
+            ) from error
         return delay
 
 
@@ -165,7 +170,7 @@ class Client(operations.Operations):
         self._bind(self._send)
 
     def _send(self, method: str, path: str, query: dict[str, Any], body: Any, *, is_repeatable: bool) -> Any:
-        retries = _RetryPolicy(self._connection.retry_timeout_s, is_repeatable)
+        retries = _RetryPolicy(self._connection, is_repeatable)
         while True:
             try:
                 response = self._http.request(method, path, params=_without_none(query), **_encode(body))
@@ -198,8 +203,7 @@ class Client(operations.Operations):
             run: Id of the run.
             after: Number of the event to continue after (default: only new events).
         """
-        timeout_s = self._connection.retry_timeout_s
-        last, retries = after, _RetryPolicy(timeout_s, is_repeatable=True)
+        last, retries = after, _RetryPolicy(self._connection, is_repeatable=True)
         while True:
             connected = False
             try:
@@ -215,10 +219,10 @@ class Client(operations.Operations):
                             event = _read_event(message)
                             if event is not None:
                                 yield event
-                        retries, delay = _RetryPolicy(timeout_s, is_repeatable=True), RETRY_DELAY_S
+                        retries, delay = _RetryPolicy(self._connection, is_repeatable=True), RETRY_DELAY_S
             except httpx.TransportError as error:
                 # The time to retry begins when the connection is lost, even if the last event is much older.
-                retries = _RetryPolicy(timeout_s, is_repeatable=True) if connected else retries
+                retries = _RetryPolicy(self._connection, is_repeatable=True) if connected else retries
                 delay = retries.after_error(error)
             time.sleep(delay)
 
@@ -249,7 +253,7 @@ class AsyncClient(operations.AsyncOperations):
         self._bind(self._send)
 
     async def _send(self, method: str, path: str, query: dict[str, Any], body: Any, *, is_repeatable: bool) -> Any:
-        retries = _RetryPolicy(self._connection.retry_timeout_s, is_repeatable)
+        retries = _RetryPolicy(self._connection, is_repeatable)
         while True:
             try:
                 response = await self._http.request(method, path, params=_without_none(query), **_encode(body))
@@ -274,8 +278,7 @@ class AsyncClient(operations.AsyncOperations):
 
     async def events(self, run: str, *, after: int | None = None) -> AsyncIterator[Event]:
         """Yields the events of a run; see `Client.events`."""
-        timeout_s = self._connection.retry_timeout_s
-        last, retries = after, _RetryPolicy(timeout_s, is_repeatable=True)
+        last, retries = after, _RetryPolicy(self._connection, is_repeatable=True)
         while True:
             connected = False
             try:
@@ -291,9 +294,9 @@ class AsyncClient(operations.AsyncOperations):
                             event = _read_event(message)
                             if event is not None:
                                 yield event
-                        retries, delay = _RetryPolicy(timeout_s, is_repeatable=True), RETRY_DELAY_S
+                        retries, delay = _RetryPolicy(self._connection, is_repeatable=True), RETRY_DELAY_S
             except httpx.TransportError as error:
-                retries = _RetryPolicy(timeout_s, is_repeatable=True) if connected else retries
+                retries = _RetryPolicy(self._connection, is_repeatable=True) if connected else retries
                 delay = retries.after_error(error)
             await asyncio.sleep(delay)
 
@@ -322,7 +325,9 @@ def _read(response: httpx.Response) -> Any:
         try:
             return response.json() if response.content else None
         except ValueError as error:
-            detail = f"the response is not JSON: {response.text[:200]}"
+            detail = (
+                f"the response must be JSON, got {response.text[:200]!r}; check that `url` is the address of a sparring server"
+            )
             raise ApiError(response.status_code, {"detail": detail}) from error
     try:
         problem = response.json()
@@ -342,7 +347,7 @@ def _changed_nothing(response: httpx.Response) -> bool:
 def _items(page: dict[str, Any]) -> list[Any]:
     lists = [value for value in page.values() if isinstance(value, list)]
     if len(lists) != 1:
-        raise ValueError(f"operation: its response has {len(lists)} lists, so it has no pages of items")
+        raise ValueError(f"`operation` must be one that returns pages of items, but its response has {len(lists)} lists")
     return lists[0]
 
 

@@ -6,6 +6,7 @@ import os
 
 from . import _native
 from ._native import CurriculumError
+from .errors import invalid
 
 
 def read_token(token: str | None) -> str | None:
@@ -15,10 +16,10 @@ def read_token(token: str | None) -> str | None:
         ValueError: The token is not printable ASCII without spaces; the message does not repeat it.
     """
     if token is not None and not isinstance(token, str):
-        raise ValueError("token: must be a string")
+        raise invalid("token", "a string", type(token))
     token = (os.environ.get("SPARRING_TOKEN", "") if token is None else token).strip()
     if not all("!" <= letter <= "~" for letter in token):
-        raise ValueError("token: must consist of printable ASCII characters without spaces")
+        raise ValueError("`token` must consist of printable ASCII characters without spaces; `sparring token create` prints one")
     return token or None
 
 

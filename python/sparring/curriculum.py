@@ -18,6 +18,7 @@ from . import _native
 from ._native import CurriculumError as CurriculumError
 from .connection import needs_token, read_token
 from .curriculum_arguments import MAX_LEASE_GROUPS, Form, Purpose, check_modes, check_numbers
+from .errors import invalid
 from .scenario import copy_mapping, to_json
 from .server import Server
 
@@ -88,9 +89,9 @@ class Curriculum:
         check_modes(form, purpose)
         check_numbers(max_wait_s, lease_groups=lease_groups, group_size=group_size, ahead=ahead, buffer=buffer, ttl_s=ttl_s)
         if not isinstance(url, str) or not url.startswith(("http://", "https://")):
-            raise ValueError(f"url: {url!r} is not an address like {DEFAULT_URL}")
+            raise invalid("url", f"an address such as {DEFAULT_URL}", url)
         if run is not None and (not isinstance(run, str) or not run):
-            raise ValueError(f"run: {run!r} is not the id of a run")
+            raise invalid("run", "the id of a run, or None to create one", run)
         body = json.loads(to_json("settings", copy_mapping("settings", settings)))
         self.url = url
         self.token = read_token(token)
@@ -99,7 +100,7 @@ class Curriculum:
         if run is None:
             run = str(self.request("POST", "/v1/runs", body)["id"])
         elif settings is not None:
-            raise ValueError("settings: apply only to a new run; omit them or `run`")
+            raise ValueError(f"`settings` must be omitted with `run`: {run!r} exists and keeps its settings")
         self.run = run
         self._run_path = f"/v1/runs/{quote(run, safe='')}"
         summary = self.request("GET", self._run_path)
@@ -174,7 +175,7 @@ class Curriculum:
             CurriculumError: The server does not answer, the program is missing, or the server rejects the request.
         """
         if url is None and run is not None:
-            raise ValueError("run: needs the url of the server that has it")
+            raise ValueError(f"`run` must be omitted without `url`, got {run!r}; pass the url of the server that has the run")
         settings = settings if run is None else None
         if url is None:
             return cls.local(settings=settings, **arguments)
@@ -196,7 +197,7 @@ class Curriculum:
         """Returns the compiled curriculum for a batch of environments; the first call decides what form `auto` is."""
         self._check_process()
         if self._closed:
-            raise CurriculumError("the curriculum is closed")
+            raise CurriculumError("the curriculum is closed: open another one with the same run")
         if self._native is None:
             columns = self._form == "columns" or (
                 self._form == "auto" and num_envs >= MIN_COLUMN_ENVS and self._supports_columns()
@@ -234,7 +235,7 @@ class Curriculum:
     @policy_version.setter
     def policy_version(self, version: int) -> None:
         if isinstance(version, bool) or not isinstance(version, (int, np.integer)) or not 0 <= version < 2**32:
-            raise ValueError(f"policy_version: {version!r} is not an integer from 0 to 4294967295")
+            raise invalid("policy_version", "an integer from 0 to 4294967295", version)
         self._check_process()
         if self._native is not None:
             self._native.policy_version = int(version)
@@ -345,7 +346,7 @@ class Curriculum:
 
     def _check_process(self) -> None:
         if os.getpid() != self._pid:
-            raise CurriculumError("the curriculum belongs to another process: a fork makes its own, with the same run")
+            raise CurriculumError("the curriculum belongs to another process: make one in this process, with the same run")
 
     def _at_exit(self) -> None:
         # A forked process has no results of its own: its parent submits them.
@@ -353,7 +354,7 @@ class Curriculum:
             try:
                 self.close(EXIT_TIMEOUT_S)
             except CurriculumError as error:
-                print(f"sparring: submitting the results of an unclosed curriculum failed: {error}", file=sys.stderr)
+                print(f"sparring: cannot submit the results of a curriculum that was not closed: {error}", file=sys.stderr)
 
     def __del__(self) -> None:
         # A deleted curriculum submits its results, too: a notebook deletes it when its cell runs again.

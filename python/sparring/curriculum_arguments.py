@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
+
+from .errors import invalid, one_of
 
 Form = Literal["auto", "groups", "columns"]
 Purpose = Literal["train", "probe", "eval"]
@@ -27,12 +29,12 @@ def check_modes(form: str, purpose: str) -> None:
     Raises:
         ValueError: One of them is unknown, or they do not go together.
     """
-    if form not in ("auto", "groups", "columns"):
-        raise ValueError(f"form: {form!r} is none of auto, groups, columns")
-    if purpose not in ("train", "probe", "eval"):
-        raise ValueError(f"purpose: {purpose!r} is none of train, probe, eval")
+    if form not in get_args(Form):
+        raise one_of("form", get_args(Form), form)
+    if purpose not in get_args(Purpose):
+        raise one_of("purpose", get_args(Purpose), purpose)
     if purpose == "eval" and form == "columns":
-        raise ValueError("form: an evaluation is reported as groups")
+        raise invalid("form", "groups or auto with purpose='eval'", form)
 
 
 def check_numbers(max_wait_s: Any, **integers: Any) -> None:
@@ -46,6 +48,6 @@ def check_numbers(max_wait_s: Any, **integers: Any) -> None:
         if value is None and name in ("lease_groups", "group_size"):
             continue
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= limit:
-            raise ValueError(f"{name}: must be an integer from 1 to {limit}, got {value!r}")
+            raise invalid(name, f"an integer from 1 to {limit}", value)
     if not isinstance(max_wait_s, (int, float, np.number)) or not 0.0 <= max_wait_s < 1e9:
-        raise ValueError(f"max_wait_s: must be a number of seconds >= 0, got {max_wait_s!r}")
+        raise invalid("max_wait_s", "a number of seconds from 0 to 1e9", max_wait_s)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .curriculum import MAX_GROUP_EPISODES, Curriculum, CurriculumError
+from .errors import invalid
 from .vector import VectorEnvironment, make_vec
 
 #: Name of the blind panel in the rows of an evaluation.
@@ -99,11 +100,11 @@ def evaluate(
 
 def _check_arguments(curriculum: Any, policy: str, environment: dict[str, Any]) -> None:
     if not isinstance(curriculum, Curriculum):
-        raise ValueError(f"curriculum: {curriculum!r} is not a sparring.Curriculum")
+        raise invalid("curriculum", "a sparring.Curriculum", curriculum)
     if policy == BLIND_PANEL:
-        raise ValueError(f"policy: {policy} is the baseline of all suites; choose another name")
+        raise ValueError(f"`policy` must not be {policy!r}, the name of the baseline of all suites; choose another name")
     if "autoreset_mode" in environment:
-        raise ValueError("autoreset_mode: an evaluation runs each scenario once and resets by itself")
+        raise ValueError("`autoreset_mode` must be omitted: an evaluation runs each scenario once and resets by itself")
 
 
 def _choose_suite(curriculum: Curriculum, name: str | None, tasks: Sequence[str] | None) -> dict[str, Any]:
@@ -115,7 +116,7 @@ def _choose_suite(curriculum: Curriculum, name: str | None, tasks: Sequence[str]
             continue
         if not common and not tasks:
             listed = f"{suite['name']} has {', '.join(suite['tasks'])}, the run has {', '.join(curriculum.tasks)}"
-            raise ValueError(f"suite: no common task: {listed}")
+            raise ValueError(f"`suite` must have a task of the run, but {listed}; choose another suite, or pass `tasks`")
         return {"suite": suite["name"], "tasks": list(tasks or common)}
     # The server rejects an unknown suite.
     return {field: value for field, value in (("suite", name), ("tasks", tasks)) if value}
@@ -159,6 +160,6 @@ def _wait_for_result(curriculum: Curriculum, id: str) -> EvaluationResult:
         if evaluation["state"] == "complete":
             return EvaluationResult(id, evaluation["rows"])
         if evaluation["state"] == "failed" or time.monotonic() > deadline:
-            reason = evaluation.get("error") or "it did not complete in time"
+            reason = evaluation.get("error") or f"it did not complete within {COMPLETION_TIMEOUT_S:.0f} s of its last episode"
             raise CurriculumError(f"the evaluation {id} is {evaluation['state']}: {reason}")
         time.sleep(0.1)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from gymnasium.error import ResetNeeded
 
 from .curriculum import Curriculum
+from .errors import invalid
 from .rendering import FPS, Renderer
 from .reset_request import RESET_OPTIONS, SingleBatch
 from .scenario import Scenario, copy_mapping
@@ -39,7 +40,7 @@ class ParallelEnvironment(ParallelEnv):
         if ParallelEnv is object:
             from gymnasium.error import DependencyNotInstalled
 
-            raise DependencyNotInstalled("pettingzoo is not installed: pip install 'sparring[pettingzoo]'")
+            raise DependencyNotInstalled("sparring.parallel_env needs PettingZoo: pip install 'sparring[pettingzoo]'")
         self._settings = settings
         self._batch = SingleBatch(settings)
         self._native = self._batch.native
@@ -102,7 +103,7 @@ class ParallelEnvironment(ParallelEnv):
             gymnasium.error.ResetNeeded: There is no agent.
         """
         if not self.agents:
-            raise ResetNeeded("there is no agent: call reset first")
+            raise ResetNeeded("no episode is running: call reset() first")
         observation, *_, ended = self._native.step(self._joint_action(actions))
         self._batch.count_step(ended)
         rewards, terminated, truncated = self._native.agent_results()
@@ -128,11 +129,11 @@ class ParallelEnvironment(ParallelEnv):
         joint = np.zeros((self._layout.num_agents, *shape), np.int64 if discrete else np.float32)
         for agent, action in copy_mapping("actions", actions).items():
             if agent not in self.possible_agents:
-                raise ValueError(f"actions.{agent}: unknown agent; known are {', '.join(self.possible_agents)}")
+                raise ValueError(f"`actions.{agent}` is unknown; the agents are {', '.join(self.possible_agents)}")
             array = np.asarray(action)
             if array.dtype.kind not in ("iu" if discrete else "fiu") or array.shape != shape:
                 expected = "an integer" if discrete else f"{self._layout.action_size} numbers"
-                raise ValueError(f"actions.{agent}: dtype {array.dtype} of shape {array.shape}, expected {expected}")
+                raise invalid(f"actions.{agent}", expected, action)
             joint[self.possible_agents.index(agent)] = array
         return joint
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from .errors import invalid, one_of
+
 #: Frames per second of the window and of recorded videos.
 FPS = 10
 #: Maximum length of one side of an image, pixels.
@@ -18,13 +20,13 @@ class Renderer:
 
     def __init__(self, mode: str | None, size: tuple[int, int], metadata: dict[str, Any]) -> None:
         if mode is not None and mode not in metadata["render_modes"]:
-            raise ValueError(f"render_mode: {mode!r} is none of {', '.join(metadata['render_modes'])}")
+            raise one_of("render_mode", tuple(metadata["render_modes"]), mode)
         try:
             width, height = (int(side) for side in size)
         except (TypeError, ValueError):
-            raise ValueError(f"render_size: {size!r} is not a width and a height") from None
+            raise invalid("render_size", "a width and a height in pixels", size) from None
         if not (64 <= width <= MAX_SIDE_PIXELS and 64 <= height <= MAX_SIDE_PIXELS):
-            raise ValueError(f"render_size: sides must be from 64 to {MAX_SIDE_PIXELS} pixels, got {width} and {height}")
+            raise invalid("render_size", f"two sides from 64 to {MAX_SIDE_PIXELS} pixels", (width, height))
         self.mode, self.width, self.height = mode, width, height
         self._window: Any = None
         self._clock: Any = None
@@ -39,7 +41,7 @@ class Renderer:
         if self.mode is None:
             import gymnasium
 
-            gymnasium.logger.warn("render was called without a render_mode: make the environment with one, as rgb_array")
+            gymnasium.logger.warn('render() needs a render mode: make the environment with render_mode="rgb_array".')
             return None
         pixels = native.render(env, self.width, self.height)
         if self.mode == "rgb_array":

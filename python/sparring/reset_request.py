@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from . import _native
 from .curriculum import CurriculumError
+from .errors import invalid
 from .scenario import Scenario, check_seed, copy_mapping, make_recipe
 from .settings import Settings
 
@@ -44,7 +45,7 @@ def read_reset_options(settings: Settings, options: Mapping[str, Any] | None) ->
     options = copy_mapping("options", options)
     for name in options:
         if name not in RESET_OPTIONS:
-            raise ValueError(f"options.{name}: unknown option; known are {', '.join(RESET_OPTIONS)}")
+            raise ValueError(f"`options.{name}` is unknown; the options are {', '.join(RESET_OPTIONS)}")
     recipe = None
     if "params" in options or "level" in options:
         params = {**(settings.params or {}), **copy_mapping("options.params", options.get("params"))}
@@ -55,7 +56,7 @@ def read_reset_options(settings: Settings, options: Mapping[str, Any] | None) ->
     if isinstance(scenario, Mapping):
         scenario = Scenario.from_dict(scenario)
     if scenario is not None and not isinstance(scenario, Scenario):
-        raise ValueError("options.scenario: must be a sparring.Scenario or its dict")
+        raise invalid("options.scenario", "a sparring.Scenario or its dict", scenario)
     return ResetRequest(recipe, None if scenario is None else scenario._native)
 
 
@@ -110,8 +111,9 @@ class SingleBatch:
             return
         self._warned = True
         gymnasium.logger.warn(
-            f"an episode was left after {self._unfinished_steps} steps: the curriculum does not count it and offers its scenario"
-            " again. Each scenario has its own horizon; do not set max_episode_steps"
+            f"The episode was reset after {self._unfinished_steps} steps, before its end. The curriculum does not count it, and"
+            " offers its scenario again. Run each episode to its end, and do not set max_episode_steps: scenarios have their own"
+            " horizons."
         )
 
     def _curriculum_info(self) -> dict[str, Any]:

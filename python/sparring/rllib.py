@@ -37,6 +37,7 @@ except ImportError as error:
     raise ImportError("sparring.rllib needs RLlib: pip install 'sparring[rllib]'") from error
 
 from .curriculum import DEFAULT_URL, Curriculum, CurriculumError
+from .errors import invalid
 from .parallel import ParallelEnvironment, parallel_env
 from .vector import VectorEnvironment, make_vec
 
@@ -63,9 +64,9 @@ def team_env(config: Mapping[str, Any]) -> TeamVectorEnv:
     settings = _read_config(config)
     for name in ("autoreset_mode", "episode_statistics"):
         if name in settings:
-            raise ValueError(f"{name}: RLlib requires a fixed value")
+            raise ValueError(f"`{name}` must be omitted: team_env sets the value that RLlib needs")
     if "num_envs" not in settings:
-        raise ValueError("gym_env_vectorize_mode: must be 'vector_entry_point'")
+        raise ValueError("`gym_env_vectorize_mode` must be 'vector_entry_point'; pass it to config.env_runners(…)")
     # RLlib gives an env runner one core.
     settings.setdefault("threads", 1)
     make = functools.partial(make_vec, episode_statistics=False)
@@ -96,7 +97,7 @@ register_env(AGENTS, agents_env)
 def _read_config(config: Mapping[str, Any]) -> dict[str, Any]:
     settings = dict(config)
     if settings.get("observation") == "telemetry":
-        raise ValueError("observation: telemetry has no row per agent; choose tracks or state")
+        raise invalid("observation", "tracks or state, which have a row per agent", settings["observation"])
     return settings
 
 
@@ -109,7 +110,7 @@ class _SharedCurricula:
 
     def acquire(self, arguments: Mapping[str, Any]) -> tuple[str, Curriculum]:
         if not isinstance(arguments, Mapping) or not arguments.get("run"):
-            raise ValueError("curriculum: must be a dict with the url of a server and the run that all env runners share")
+            raise invalid("curriculum", "a dict with the url of a server and the run that all env runners share", arguments)
         key = json.dumps(dict(arguments), sort_keys=True)
         with self._lock:
             curriculum, users = self._open.get(key) or (Curriculum(**arguments), 0)

@@ -25,6 +25,7 @@ except ImportError as error:
     raise ImportError("sparring.sb3 needs stable-baselines3: pip install 'sparring[sb3]'") from error
 
 from .curriculum import Curriculum, CurriculumError
+from .errors import invalid
 from .vector import VectorEnvironment, make_vec
 
 
@@ -44,9 +45,9 @@ def vec_env(num_envs: int, task: str | None = None, *, curriculum: Curriculum | 
     """
     for name in ("autoreset_mode", "episode_statistics"):
         if name in environment:
-            raise ValueError(f"{name}: Stable-Baselines3 requires a fixed value")
+            raise ValueError(f"`{name}` must be omitted: vec_env sets the value that Stable-Baselines3 needs")
     if environment.get("observation") == "telemetry":
-        raise ValueError("observation: telemetry has no row per agent; choose tracks or state")
+        raise invalid("observation", "tracks or state, which have a row per agent", environment["observation"])
     return AgentsVecEnv(make_vec(task, num_envs, curriculum=curriculum, autoreset_mode="same_step", **environment))
 
 
@@ -62,7 +63,7 @@ def active_only(envs: VecEnv) -> dict[str, Any]:
         ValueError: The environments are not of `vec_env`.
     """
     if not isinstance(envs.unwrapped, AgentsVecEnv):
-        raise ValueError("envs: not made by sparring.sb3.vec_env")
+        raise invalid("envs", "environments made by sparring.sb3.vec_env", envs)
     return {"rollout_buffer_class": ActiveRolloutBuffer, "rollout_buffer_kwargs": {"activity": _Activity(envs.unwrapped)}}
 
 
@@ -253,7 +254,7 @@ class CurriculumCallback(BaseCallback):
         super().__init__()
         self.curriculum = curriculum
         if isinstance(every, bool) or not isinstance(every, int) or every < 1:
-            raise ValueError(f"every: must be an integer >= 1, got {every!r}")
+            raise invalid("every", "an integer >= 1", every)
         self.every = every
         self._rollouts = 0
         # A resumed run already has versions: this training continues from the newest.

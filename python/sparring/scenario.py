@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _native
+from .errors import invalid
 from .tasks import task as find_task
 
 #: Smallest difference between reference and floor for which a skill is defined.
@@ -183,7 +184,7 @@ class Bracket:
             ValueError: The score is not finite.
         """
         if not math.isfinite(score):
-            raise ValueError(f"score: must be finite, got {score!r}")
+            raise invalid("score", "a finite number", score)
         gap = self.reference.score - self.floor
         return max(-1.0, min(1.0, (score - self.floor) / gap)) if gap >= MIN_SKILL_GAP else None
 
@@ -265,7 +266,7 @@ def make_recipe(
     values: dict[str, float] = {}
     if level is not None:
         if isinstance(level, bool) or not isinstance(level, (int, np.integer)) or not 0 <= level < len(spec.levels):
-            raise ValueError(f"level: {level!r} is not from 0 to {len(spec.levels) - 1}")
+            raise invalid("level", f"an integer from 0 to {len(spec.levels) - 1}", level)
         values.update(spec.levels[int(level)])
     values.update(copy_mapping("params", params))
     recipe: dict[str, Any] = {"task": spec.id, "params": {name: _check_number(name, value) for name, value in values.items()}}
@@ -283,7 +284,7 @@ def native_scenario(scenario: Scenario) -> _native.NativeScenario:
         ValueError: The argument is not a `Scenario`.
     """
     if not isinstance(scenario, Scenario):
-        raise ValueError(f"scenario: {type(scenario).__name__} is not a sparring.Scenario")
+        raise invalid("scenario", "a sparring.Scenario", scenario)
     return scenario._native
 
 
@@ -294,7 +295,7 @@ def copy_mapping(field: str, value: Any) -> dict[str, Any]:
         ValueError: The value is not a mapping; the message names the field.
     """
     if value is not None and not isinstance(value, Mapping):
-        raise ValueError(f"{field}: {value!r} is not a dict")
+        raise invalid(field, "a dict", value)
     return dict(value or {})
 
 
@@ -305,7 +306,7 @@ def check_seed(seed: Any) -> int:
         ValueError: The seed is not an integer of at most 53 bits.
     """
     if isinstance(seed, (bool, np.bool_)) or not isinstance(seed, (int, np.integer)) or not 0 <= seed < 2**53:
-        raise ValueError(f"seed: {seed!r} is not an integer from 0 to {2**51 - 1}")
+        raise invalid("seed", f"an integer from 0 to {2**51 - 1}", seed)
     return int(seed)
 
 
@@ -318,12 +319,12 @@ def to_json(field: str, value: Any) -> str:
     try:
         return json.dumps(value, allow_nan=False, default=_to_plain)
     except (TypeError, ValueError) as error:
-        raise ValueError(f"{field}: {error}") from error
+        raise ValueError(f"`{field}` must be plain data: {error}") from error
 
 
 def _check_number(name: str, value: Any) -> float:
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.number)) or not np.isfinite(value):
-        raise ValueError(f"params.{name}: {value!r} is not a finite number")
+        raise invalid(f"params.{name}", "a finite number", value)
     return float(value)
 
 
@@ -332,4 +333,4 @@ def _to_plain(value: Any) -> Any:
         return value.item()
     if isinstance(value, np.ndarray):
         return value.tolist()
-    raise TypeError(f"{value!r} is not a number, text, list or dict")
+    raise TypeError(f"{value!r} is neither a number, a string, a list nor a dict")

@@ -17,6 +17,8 @@ from ._native import CurriculumError
 
 #: Timeout for a started server to print its address, seconds.
 START_TIMEOUT_S = 60
+#: Timeout for a server to stop before it is killed, seconds.
+STOP_TIMEOUT_S = 30
 #: Lines of the server's output that are kept for error messages.
 KEPT_LINES = 50
 
@@ -36,7 +38,9 @@ class Server:
         """
         program = binary or os.environ.get("SPARRING_BIN") or _find_program()
         if not program:
-            raise CurriculumError("program `sparring` not found: pip install sparring-server, or set SPARRING_BIN")
+            raise CurriculumError(
+                "cannot find the program `sparring`: pip install sparring-server, or set SPARRING_BIN to its path"
+            )
         database = ["--temporary"] if db is None else ["--db", os.fspath(db)]
         command = [program, "serve", "--bind", "127.0.0.1:0", "--while-stdin", *database]
         self._output: list[str] = []
@@ -46,7 +50,7 @@ class Server:
             # submits its results first.
             self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=stdout, text=True, start_new_session=True)
         except OSError as error:
-            raise CurriculumError(f"{program} does not start: {error}") from error
+            raise CurriculumError(f"cannot start {program}: {error}; check SPARRING_BIN or `binary`") from error
         self._pid = os.getpid()
         self._exit_callbacks: list[Callable[[str], None]] = []
         # Stops the server when this object is deleted and when the program ends.
@@ -54,7 +58,8 @@ class Server:
         url = self._read_url()
         if url is None:
             self.stop()
-            raise CurriculumError(f"{program} does not serve: {''.join(self._output[-5:]).strip() or 'it printed nothing'}")
+            output = "".join(self._output[-5:]).strip() or "it printed nothing"
+            raise CurriculumError(f"{program} did not start a server: {output}")
         self.url = url
 
     def _read_url(self) -> str | None:
@@ -113,8 +118,8 @@ def _stop(process: subprocess.Popen[str], pid: int) -> None:
     if process.poll() is None:
         process.terminate()
         try:
-            process.wait(30)
+            process.wait(STOP_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
-            warnings.warn("the server did not stop in 30 s and was killed", ResourceWarning, stacklevel=2)
+            warnings.warn(f"The server did not stop within {STOP_TIMEOUT_S} s and was killed.", ResourceWarning, stacklevel=2)

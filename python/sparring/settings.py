@@ -5,7 +5,7 @@ from __future__ import annotations
 import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,7 @@ from gymnasium import spaces
 
 from . import _native
 from .curriculum import Curriculum
+from .errors import invalid, one_of
 from .scenario import make_recipe, to_json
 from .tasks import Task
 from .tasks import task as find_task
@@ -57,10 +58,10 @@ class Settings:
     def __post_init__(self) -> None:
         if self.curriculum is not None:
             if not isinstance(self.curriculum, Curriculum):
-                raise ValueError(f"curriculum: {self.curriculum!r} is not a sparring.Curriculum")
+                raise invalid("curriculum", "a sparring.Curriculum", self.curriculum)
             for name in ("params", "physics", "layout", "level"):
                 if getattr(self, name) is not None:
-                    raise ValueError(f"{name}: the curriculum chooses the scenarios")
+                    raise ValueError(f"`{name}` must be omitted with `curriculum`, which chooses the scenarios")
             self._set(task=_choose_task(self.curriculum, self.task))
         self._set(spec=find_task("kessler/survival" if self.task is None else self.task))
         if self.curriculum is not None and self.spec.default_observation == "tracks":
@@ -78,7 +79,7 @@ class Settings:
             TypeError: The environment has a curriculum, whose threads cannot be copied.
         """
         if self.curriculum is not None:
-            raise TypeError("environments with a curriculum cannot be copied: make others, with the same run")
+            raise TypeError("environments with a curriculum cannot be copied: make others with a curriculum of the same run")
         return {field.name: getattr(self, field.name) for field in fields(self) if field.init}
 
     def observation_mode(self) -> Observation:
@@ -90,10 +91,12 @@ class Settings:
         default = self.spec.default_observation
         mode = self.observation or default
         if mode not in (default, "telemetry"):
-            raise ValueError(f"observation: {mode!r} is none of {default}, telemetry in {self.spec.world}")
+            raise invalid("observation", f"{default} or telemetry in {self.spec.world}", mode)
         for name, name_mode in (("threats", "tracks"), ("look_ahead", "tracks"), ("bodies", "telemetry")):
             if getattr(self, name) is not None and (mode != name_mode or default != "tracks"):
-                raise ValueError(f"{name}: applies to {name_mode} of kessler, not to {mode} of {self.spec.world}")
+                raise ValueError(
+                    f"`{name}` must be omitted with {mode} of {self.spec.world}: it applies to {name_mode} of kessler"
+                )
         return mode  # type: ignore[return-value]
 
     def action_axes(self) -> Axes:
@@ -102,10 +105,10 @@ class Settings:
         Raises:
             ValueError: The axes are unknown, or agents have no axes of their own.
         """
-        if self.axes not in (None, "agent", "world"):
-            raise ValueError(f"axes: {self.axes!r} is neither 'agent' nor 'world'")
+        if self.axes not in (None, *get_args(Axes)):
+            raise one_of("axes", get_args(Axes), self.axes)
         if self.axes == "agent" and self.spec.agent_axes is None:
-            raise ValueError(f"axes: agents have no axes of their own in {self.spec.world}")
+            raise invalid("axes", f"'world' in {self.spec.world}, whose agents have no axes of their own", self.axes)
         return self.axes or ("agent" if self.observation_mode() == "tracks" else "world")
 
     def make_batch(
@@ -122,8 +125,8 @@ class Settings:
         Raises:
             ValueError: A value is unknown or out of range; the message names the field.
         """
-        if self.actions not in ("continuous", "discrete"):
-            raise ValueError(f"actions: {self.actions!r} is neither 'continuous' nor 'discrete'")
+        if self.actions not in get_args(Actions):
+            raise one_of("actions", get_args(Actions), self.actions)
         _check_count("num_envs", envs, 1)
         for name, value, minimum in (("threads", threads, 1), ("threats", self.threats, 0),
                                      ("look_ahead", self.look_ahead, 0), ("bodies", self.bodies, 0)):  # fmt: skip
@@ -154,7 +157,7 @@ class Settings:
 
 def _check_count(name: str, value: Any, minimum: int) -> None:
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not minimum <= value < 2**31:
-        raise ValueError(f"{name}: must be an integer >= {minimum}, got {value!r}")
+        raise invalid(name, f"an integer >= {minimum}", value)
 
 
 def _choose_task(curriculum: Curriculum, task: str | None) -> str:
@@ -164,10 +167,11 @@ def _choose_task(curriculum: Curriculum, task: str | None) -> str:
     worlds = {id.split("/")[0] for id in tasks}
     if len(worlds) > 1 or (len(tasks) > 1 and worlds == {"docking"}):
         raise ValueError(
-            f"curriculum: the tasks {listed} of its run have different agents; choose tasks of kessler, or one task of docking"
+            f"`curriculum` must be of a run whose tasks have equal agents, got {listed}; choose tasks of kessler, or one task of"
+            " docking"
         )
     if task is not None and find_task(task).id not in tasks:
-        raise ValueError(f"task: the curriculum's run has {listed}, not {task}")
+        raise invalid("task", f"one of the run's tasks, {listed}", task)
     return tasks[0] if task is None else find_task(task).id
 
 

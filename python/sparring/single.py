@@ -160,7 +160,7 @@ class Environment(gymnasium.Env[Any, Any]):
             gymnasium.error.ResetNeeded: There is no episode, or it is over.
         """
         if not self._is_running:
-            raise ResetNeeded("there is no episode: call reset first")
+            raise ResetNeeded("no episode is running: call reset() first")
         observation, rewards, terminations, truncations, ended = self._native.step(action)
         self._history.append(self._native.last_actions()[0])
         self._batch.count_step(ended)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from . import _native
+from .errors import invalid
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,7 @@ def task(id: str) -> Task:
         ValueError: The task is unknown; the message lists all tasks.
     """
     if not isinstance(id, str):
-        raise ValueError(f"task: {id!r} is not a task id")
+        raise invalid("task", "the id of a task", id)
     info: dict[str, Any] = json.loads(_native.task_info(id))
     actions = info["actions"]
     return Task(

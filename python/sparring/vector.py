@@ -12,6 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from .curriculum import Curriculum
+from .errors import invalid, one_of
 from .rendering import FPS, Renderer
 from .reset_request import ResetRequest, read_reset_options
 from .scenario import Scenario, check_seed, copy_mapping
@@ -119,7 +120,7 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
         mask = options.pop("reset_mask", None)
         if mask is not None and not (isinstance(mask, np.ndarray) and mask.shape == (self.num_envs,)
                                      and mask.dtype == np.bool_ and mask.any()):  # fmt: skip
-            raise ValueError(f"options.reset_mask: must be a numpy array of {self.num_envs} bools, at least one of them true")
+            raise invalid("options.reset_mask", f"a NumPy array of {self.num_envs} bools, at least one of them true", mask)
         seeds = self._read_seeds(seed)
         requests = self._read_requests(options, mask)
         recipes = [request.recipe for request in requests]
@@ -139,7 +140,7 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
             return [first + k for k in range(self.num_envs)]
         seeds = [None if item is None else check_seed(item) for item in seed]
         if len(seeds) != self.num_envs:
-            raise ValueError(f"seed: {len(seeds)} seeds for {self.num_envs} environments")
+            raise invalid("seed", f"an integer, or a list of one seed per environment ({self.num_envs})", f"{len(seeds)} seeds")
         return list(seeds)
 
     def _read_requests(self, options: dict[str, Any], mask: npt.NDArray[np.bool_] | None) -> list[ResetRequest]:
@@ -150,7 +151,11 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
             request = read_reset_options(self._settings, options)
             return [request if mask is None or mask[env] else ResetRequest() for env in range(self.num_envs)]
         if len(scenarios) != self.num_envs:
-            raise ValueError(f"options.scenario: {len(scenarios)} scenarios for {self.num_envs} environments")
+            raise invalid(
+                "options.scenario",
+                f"one scenario, or a list of one per environment ({self.num_envs})",
+                f"{len(scenarios)} scenarios",
+            )
         return [read_reset_options(self._settings, {**options, "scenario": scenario}) for scenario in scenarios]
 
     def step(
@@ -174,7 +179,7 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
             gymnasium.error.ResetNeeded: An episode is over or none has begun, and autoreset is disabled.
         """
         if out is not None and not (isinstance(out, tuple) and len(out) == 4):
-            raise ValueError("out: must be a tuple of four arrays: observations, rewards, terminations, truncations")
+            raise invalid("out", "a tuple of four arrays (observations, rewards, terminations, truncations)", type(out))
         observations, rewards, terminations, truncations, any_ended = self._native.step(actions, out)
         infos = self._final_infos() if any_ended else {}
         return self._layout.view(observations), rewards, terminations, truncations, infos
@@ -239,7 +244,7 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
 
     def _check_env(self, env: int) -> int:
         if isinstance(env, bool) or not isinstance(env, (int, np.integer)) or not 0 <= env < self.num_envs:
-            raise ValueError(f"env: {env!r} is not from 0 to {self.num_envs - 1}")
+            raise invalid("env", f"an integer from 0 to {self.num_envs - 1}", env)
         return int(env)
 
     @property
@@ -336,4 +341,4 @@ def _read_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
     for known, name in AUTORESET_NAMES.items():
         if mode in (known, name, known.name, known.value):
             return known
-    raise ValueError(f"autoreset_mode: {mode!r} is none of {', '.join(AUTORESET_NAMES.values())}")
+    raise one_of("autoreset_mode", tuple(AUTORESET_NAMES.values()), mode)

@@ -182,7 +182,7 @@ def test_every_operation_of_v1_has_a_method():
 
 @pytest.mark.parametrize("url", ["127.0.0.1:8700", "ftp://127.0.0.1", "http://", "http://[::1", None])
 def test_invalid_url_is_rejected(url):
-    with pytest.raises(ValueError, match=r"^url: "):
+    with pytest.raises(ValueError, match="^`url` must "):
         sparring.Client(url)
 
 
@@ -199,7 +199,7 @@ def test_invalid_url_is_rejected(url):
 )
 def test_invalid_timeout_is_rejected(field, value):
     for make in (sparring.Client, sparring.AsyncClient):
-        with pytest.raises(ValueError, match=f"^{field}: "):
+        with pytest.raises(ValueError, match=f"^`{field}` must "):
             make("http://127.0.0.1:1", **{field: value})
 
 

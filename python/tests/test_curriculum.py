@@ -90,7 +90,7 @@ def test_truncated_episode_warns():
         env.reset()
         for _ in range(3):
             env.step(np.zeros(env.action_space.shape, np.float32))
-        with pytest.warns(UserWarning, match="left after 3 steps"):
+        with pytest.warns(UserWarning, match="reset after 3 steps, before its end"):
             env.reset()
         env.close()
 
@@ -100,7 +100,7 @@ def test_truncated_parallel_episode_warns():
         env = sparring.parallel_env(curriculum=curriculum)
         env.reset()
         env.step({})
-        with pytest.warns(UserWarning, match="left after 1 steps"):
+        with pytest.warns(UserWarning, match="reset after 1 steps, before its end"):
             env.reset()
         env.close()
 

@@ -29,13 +29,13 @@ INVALID = {
 
 @pytest.mark.parametrize(("field", "value"), [(field, value) for field, values in INVALID.items() for value in values], ids=str)
 def test_invalid_argument_is_named(field, value):
-    with pytest.raises(ValueError, match=f"^{field}: "):
+    with pytest.raises(ValueError, match=f"^`{field}` must "):
         sparring.Curriculum(**{"url": "http://127.0.0.1:1", field: value})
 
 
 @pytest.mark.parametrize("max_wait_s", [-1.0, float("nan"), float("inf")])
 def test_invalid_max_wait_is_rejected(max_wait_s):
-    with pytest.raises(ValueError, match="max_wait_s: "):
+    with pytest.raises(ValueError, match="`max_wait_s` must "):
         local_curriculum(max_wait_s=max_wait_s)
 
 
@@ -50,7 +50,7 @@ def test_invalid_policy_version_is_rejected(version):
 @pytest.mark.parametrize("token", ["é", "two words", "line\nbreak"])
 def test_invalid_token_is_not_repeated(token):
     for make in (sparring.Curriculum, sparring.Client):
-        with pytest.raises(ValueError, match="token: ") as error:
+        with pytest.raises(ValueError, match="`token` must ") as error:
             make(token=token)
         assert token not in str(error.value)
 
@@ -141,5 +141,5 @@ def test_open_connects_or_starts_a_server(monkeypatch):
         connected = sparring.Curriculum.open(started.url, started.run, settings=SETTINGS, form="groups")
         assert (connected.url, connected.run) == (started.url, started.run)
         assert sparring.Curriculum.open(started.url, settings=SETTINGS).run != started.run
-    with pytest.raises(ValueError, match=r"^run: "):
+    with pytest.raises(ValueError, match="^`run` must "):
         sparring.Curriculum.open(run="mine")

@@ -4,10 +4,10 @@ import sys
 
 USAGE = """usage: python -m sparring.experiments {ppo,curriculum} ...
 
-  ppo         train a policy by PPO in one file, in the manner of CleanRL
-  curriculum  compare several curricula with the same learner on held-out scenarios
+  ppo         Train a policy by PPO in one file, in the manner of CleanRL
+  curriculum  Compare several curricula with the same learner on held-out scenarios
 
-Each has a --help."""
+`python -m sparring.experiments ppo --help` lists the options of an experiment."""
 
 
 def main() -> int:
@@ -30,9 +30,10 @@ def main() -> int:
 
             return run_curriculum(arguments)
     except ImportError as error:
-        print(f"{error}: pip install 'sparring[experiments]'", file=sys.stderr)
+        remedy = "" if "pip install" in str(error) else ": pip install 'sparring[experiments]'"
+        print(f"{error}{remedy}", file=sys.stderr)
         return 2
-    print(f"unknown experiment {name!r}: choose ppo or curriculum", file=sys.stderr)
+    print(f"the experiment must be ppo or curriculum, got {name!r}", file=sys.stderr)
     return 2
 
 

@@ -1,4 +1,4 @@
-"""Compare curricula: train the same learner under each, and evaluate it on held-out scenarios.
+"""Compare curricula: train the same learner under each, and evaluate its policy on held-out scenarios.
 
     python -m sparring.experiments curriculum --out mine
     python -m sparring.experiments curriculum --out mine --strategies ladder,plr,uniform --seeds 1,2,3,4 --budget 500000
@@ -34,7 +34,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(error, file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("\nstopped; the same command continues the experiment", file=sys.stderr)
+        print("\nStopped. The same command continues the experiment.", file=sys.stderr)
         return 130
     return 0
 
@@ -50,30 +50,31 @@ def _parser() -> argparse.ArgumentParser:
     def listed(name: str) -> str:
         return ",".join(str(value) for value in defaults[name])
 
-    parser.add_argument("--out", type=Path, required=True, help="folder of the experiment, created or continued")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the experiment; an existing experiment is continued")
     parser.add_argument(
         "--strategies",
         default=listed("arms"),
-        help=f"{', '.join(STRATEGIES)} or {TARGET}; `all` for all; suffix {DESIGNS} for designed layouts (default: %(default)s)",
+        help=f"strategies to compare: {', '.join(STRATEGIES)} or {TARGET}; `all` selects all, the suffix {DESIGNS} adds designed "
+        "layouts (%(default)s)",
     )
     parser.add_argument(
-        "--seeds", default=listed("seeds"), help="seeds of trainings; four or more for a trimmed mean (%(default)s)"
+        "--seeds", default=listed("seeds"), help="seeds of trainings; the mean is trimmed from four seeds on (%(default)s)"
     )
-    parser.add_argument("--tasks", default=listed("tasks"), help="tasks, trained together (%(default)s)")
-    parser.add_argument("--suite", help="held-out suite of the server (default: the newest with these tasks)")
+    parser.add_argument("--tasks", default=listed("tasks"), help="tasks of each training, separated by commas (%(default)s)")
+    parser.add_argument("--suite", help="held-out suite of the server (default: the newest with one of the tasks)")
     for name, text in (
-        ("budget", "environment steps of each training"),
+        ("budget", "env-steps of each training"),
         ("group_size", "episodes per scenario"),
         ("target_level", f"level of {TARGET}"),
         ("evaluations", "evaluations on the suite during a training"),
-        ("rollouts", "episodes per held-out scenario at the end; 8 for the worst tenth"),
-        ("threshold", "held-out skill of the column `steps to`"),
+        ("rollouts", "episodes per held-out scenario at the end; the worst tenth needs 8 or more"),
+        ("threshold", "held-out skill, from -1 to 1, of the column `steps to`"),
         ("num_envs", "environments of a training"),
     ):
         kind = type(defaults[name])
         parser.add_argument(f"--{name.replace('_', '-')}", type=kind, default=defaults[name], help=f"{text} (%(default)s)")
-    parser.add_argument("--jobs", type=int, default=1, help="trainings in parallel, with one core each (%(default)s)")
-    parser.add_argument("--url", help="address of a running server (default: start one; pip install sparring-server)")
+    parser.add_argument("--jobs", type=int, default=1, help="parallel trainings, one core each (%(default)s)")
+    parser.add_argument("--url", help="address of a running server (default: start one, which needs the package sparring-server)")
     parser.add_argument("--report", action="store_true", help="only write the report of the completed trainings")
     return parser
 
@@ -84,17 +85,17 @@ def _read_experiment(args: argparse.Namespace) -> Experiment:
     try:
         seeds = tuple(int(seed) for seed in split_list(args.seeds))
     except ValueError as error:
-        raise ExperimentError(f"seeds: {args.seeds!r} is not a list of integers with commas") from error
+        raise ExperimentError(f"--seeds must be integers separated by commas, got {args.seeds!r}") from error
     if args.jobs < 1:
-        raise ExperimentError(f"jobs: must be >= 1, got {args.jobs}")
+        raise ExperimentError(f"--jobs must be >= 1, got {args.jobs}")
     import sparring
 
     try:
         tasks = tuple(sparring.task(task).id for task in split_list(args.tasks))
     except ValueError as error:
-        raise ExperimentError(f"tasks: {error}") from error
+        raise ExperimentError(f"--tasks: {error}") from error
     if len(tasks) > 1 and any(task.startswith("docking/") for task in tasks):
-        raise ExperimentError("tasks: one policy can have tasks of kessler, or one task of docking")
+        raise ExperimentError(f"--tasks must be tasks of kessler, or one task of docking, got {', '.join(tasks)}")
     return Experiment(**{**settings, "arms": arms, "seeds": seeds, "tasks": tasks})
 
 

@@ -31,7 +31,7 @@ DONE_FILE = "done.json"
 
 
 class ExperimentError(Exception):
-    """The experiment cannot be run; the message is one sentence."""
+    """The experiment cannot be run; the message names the option at fault."""
 
 
 @dataclass(frozen=True)
@@ -61,19 +61,21 @@ class Experiment:
             strategy = arm.removesuffix(DESIGNS)
             if strategy not in STRATEGIES and arm != TARGET:
                 known = f"{', '.join(STRATEGIES)} (each also with {DESIGNS}) and {TARGET}"
-                raise ExperimentError(f"strategies: {arm!r} is none of {known}")
+                raise ExperimentError(f"--strategies must be among {known}, got {arm!r}")
         for name in ("arms", "seeds", "tasks"):
             values = getattr(self, name)
             if not values or len(set(values)) != len(values):
-                raise ExperimentError(f"{name}: must have at least one value, and none twice")
+                raise ExperimentError(
+                    f"{_option(name)} must have at least one value and no value twice, got {','.join(map(str, values))!r}"
+                )
         for name in ("budget", "group_size", "evaluations", "rollouts", "num_envs", "target_level"):
             minimum = 0 if name == "target_level" else 1
             if getattr(self, name) < minimum:
-                raise ExperimentError(f"{name}: must be >= {minimum}, got {getattr(self, name)}")
+                raise ExperimentError(f"{_option(name)} must be >= {minimum}, got {getattr(self, name)}")
         for task in self.tasks:
             levels = len(sparring.levels(task))
             if self.target_level >= levels:
-                raise ExperimentError(f"target_level: {task} has levels 0 to {levels - 1}")
+                raise ExperimentError(f"--target-level must be from 0 to {levels - 1} for {task}, got {self.target_level}")
 
     def trainings(self) -> list[Training]:
         """Returns all trainings, seed by seed, so that an experiment that is stopped early has compared all arms."""
@@ -134,8 +136,8 @@ def record(folder: Path, experiment: Experiment) -> Experiment:
         current = json.loads(json.dumps(asdict(experiment)))
         changed = [name for name, value in current.items() if name not in ("arms", "seeds") and previous.get(name) != value]
         if changed:
-            listed = ", ".join(f"{name} {previous.get(name)}" for name in changed)
-            raise ExperimentError(f"out: {folder} has an experiment with {listed}; use the same, or another folder")
+            listed = ", ".join(f"{_option(name)} {previous.get(name)}" for name in changed)
+            raise ExperimentError(f"--out {folder} has an experiment with {listed}: use these settings or another folder")
         experiment = Experiment(
             **{
                 **asdict(experiment),
@@ -146,6 +148,11 @@ def record(folder: Path, experiment: Experiment) -> Experiment:
     folder.mkdir(parents=True, exist_ok=True)
     write_json(file, {"experiment": asdict(experiment)})
     return experiment
+
+
+def _option(field: str) -> str:
+    """Returns the command line option of a field of `Experiment`."""
+    return "--strategies" if field == "arms" else f"--{field.replace('_', '-')}"
 
 
 def package_versions() -> dict[str, str]:

@@ -26,6 +26,8 @@ except ImportError as error:
 
 import sparring
 
+from ..errors import invalid
+
 
 def _option(default: Any, help: str) -> Any:
     return field(default=default, metadata={"help": help})
@@ -57,15 +59,15 @@ class Config:
     def __post_init__(self) -> None:
         for name in ("steps", "num_envs", "rollout", "threads", "epochs", "minibatches", "hidden"):
             if getattr(self, name) < 1:
-                raise ValueError(f"{name}: must be >= 1")
+                raise invalid(name, ">= 1", getattr(self, name))
         if not 0 <= self.seed < 2**32:
-            raise ValueError("seed: must be from 0 to 4294967295")
+            raise invalid("seed", "from 0 to 4294967295", self.seed)
         for name in ("learning_rate", "clip", "max_grad_norm"):
             if not getattr(self, name) > 0.0:
-                raise ValueError(f"{name}: must be > 0")
+                raise invalid(name, "> 0", getattr(self, name))
         for name in ("gamma", "gae_lambda"):
             if not 0.0 <= getattr(self, name) <= 1.0:
-                raise ValueError(f"{name}: must be from 0 to 1")
+                raise invalid(name, "from 0 to 1", getattr(self, name))
 
 
 class Policy(nn.Module):
@@ -91,7 +93,7 @@ class Policy(nn.Module):
         """
         saved = torch.load(file)
         if not isinstance(saved, dict) or not {"sizes", "config", "weights"} <= saved.keys():
-            raise ValueError(f"file: {file} is not a policy that was saved by Policy.save")
+            raise invalid("file", "a file that Policy.save wrote", file)
         observation_size, action_size = saved["sizes"]
         policy = Policy(observation_size, action_size, Config(**saved["config"]))
         policy.load_state_dict(saved["weights"])

@@ -19,12 +19,12 @@ def main(arguments: list[str] | None = None) -> None:
     parser = _parser()
     args = parser.parse_args(arguments)
     if args.run and not args.url:
-        parser.error("--run needs --url, the address of the server that has it")
+        parser.error(f"--run must be omitted without --url, got {args.run}; pass the address of the server that has the run")
     if args.level is not None and (args.url or args.local):
-        parser.error("--level: the curriculum chooses the scenarios")
+        parser.error("--level must be omitted with --url or --local: the curriculum chooses the scenarios")
     for name, file in (("save", args.save), ("csv", args.csv)):
         if file and not Path(file).resolve().parent.is_dir():
-            parser.error(f"--{name}: there is no folder {Path(file).resolve().parent}")
+            parser.error(f"--{name} must be a file in an existing folder, got {file}: create {Path(file).resolve().parent}")
     try:
         config = ppo.Config(**{name: getattr(args, name) for name in asdict(ppo.Config())})
         ppo.make_envs(config, None).close()
@@ -36,7 +36,7 @@ def main(arguments: list[str] | None = None) -> None:
         print(error, file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
-        print("stopped", file=sys.stderr)
+        print("Stopped.", file=sys.stderr)
         sys.exit(130)
 
 
@@ -49,12 +49,16 @@ def _parser() -> argparse.ArgumentParser:
         help = option.metadata["help"] + ("" if option.default is None else " (%(default)s)")
         parser.add_argument(f"--{option.name.replace('_', '-')}", type=kind, default=option.default, help=help)
     server = parser.add_mutually_exclusive_group()
-    server.add_argument("--url", help="address of a running server with a curriculum (`sparring serve`)")
-    server.add_argument("--local", action="store_true", help="start a server for this training (pip install sparring-server)")
-    parser.add_argument("--run", help="id of a run of that server (default: create one)")
-    parser.add_argument("--save", help="file for the policy, which `Policy.load` reads")
-    parser.add_argument("--csv", help="file for the metrics of each rollout")
-    parser.add_argument("--tensorboard", help="folder for TensorBoard, with the curriculum's metrics")
+    server.add_argument("--url", help="address of a running server (`sparring serve`), whose curriculum chooses the scenarios")
+    server.add_argument(
+        "--local", action="store_true", help="start a server for this training, which needs the package sparring-server"
+    )
+    parser.add_argument("--run", help="id of a run of the server at --url (default: create one)")
+    parser.add_argument("--save", help="file to save the policy to; `Policy.load` reads it")
+    parser.add_argument("--csv", help="CSV file for the metrics of each rollout")
+    parser.add_argument(
+        "--tensorboard", help="folder for TensorBoard, which shows the metrics of the learner and of the curriculum"
+    )
     return parser
 
 

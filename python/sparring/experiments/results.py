@@ -118,7 +118,7 @@ def check_dependencies() -> None:
     try:
         from rliable import library  # noqa: F401
     except Exception as error:  # incompatible packages raise errors of many types
-        raise ExperimentError(f"rliable cannot be imported ({error}): pip install 'sparring[experiments]'") from error
+        raise ExperimentError(f"cannot import rliable: {error}; pip install 'sparring[experiments]'") from error
 
 
 def interquartile(values: npt.NDArray[np.float64]) -> Interval:
@@ -148,12 +148,12 @@ def read(folder: Path) -> ExperimentResults:
     """
     file = folder / EXPERIMENT_FILE
     if not file.exists():
-        raise ExperimentError(f"out: {folder} has no experiment")
+        raise ExperimentError(f"--out must be the folder of an experiment, got {folder}, which has no {EXPERIMENT_FILE}")
     recorded = json.loads(file.read_text())
     experiment = Experiment(**{name: _to_tuple(value) for name, value in recorded["experiment"].items()})
     done = [training for training in experiment.trainings() if is_done(folder, training)]
     if not done:
-        raise ExperimentError(f"out: no training in {folder} is complete")
+        raise ExperimentError(f"--out must have a complete training, got {folder}; run the experiment without --report first")
     return ExperimentResults(
         experiment,
         {training: json.loads((folder / training.folder / DONE_FILE).read_text()) for training in done},

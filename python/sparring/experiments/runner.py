@@ -65,7 +65,7 @@ def _check_suite(address: ServerAddress, suite: str | None) -> None:
     client = _native.NativeHttpClient(address.url, read_token(address.token))
     known = [row["name"] for row in json.loads(client.request("GET", "/v1/suites"))["suites"]]
     if suite is not None and suite not in known:
-        raise ExperimentError(f"suite: there is no {suite}; the server has {', '.join(known)}")
+        raise ExperimentError(f"--suite must be one of the server's suites, {', '.join(known)}, got {suite}")
 
 
 def _compare(folder: Path, address: ServerAddress) -> None:
@@ -121,7 +121,7 @@ def _use_one_core() -> None:
 def _run_one(folder: Path, experiment: Experiment, training: Training, address: ServerAddress, queue: Any, stop: Any) -> None:
     def progress(steps: int) -> None:
         if stop.is_set():
-            raise RuntimeError("the other trainings were stopped")
+            raise RuntimeError("the training was stopped because another one failed")
         queue.put((training, steps))
 
     progress(0)

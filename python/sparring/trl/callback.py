@@ -12,6 +12,7 @@ except ImportError as error:
     raise ImportError("sparring.trl needs TRL: pip install 'sparring[trl]'") from error
 
 from ..curriculum import Curriculum, CurriculumError
+from ..errors import invalid
 from .factory import EnvironmentFactory
 
 logger = logging.getLogger(__name__)
@@ -64,7 +65,7 @@ class CurriculumCallback(TrainerCallback):
             metrics = {f"curriculum/{name}": value for name, value in self.source.metrics().items()}
         except CurriculumError as error:
             # An unreachable server does not end the training.
-            logger.warning("the metrics of the curriculum are not available: %s", error)
+            logger.warning("cannot read the metrics of the curriculum: %s", error)
             return
         logs.update(metrics)
         if state.log_history:
@@ -83,12 +84,11 @@ class CurriculumCallback(TrainerCallback):
 
 def _check_arguments(args: Any, group_size: int) -> None:
     if args.num_generations != group_size:
-        raise ValueError(f"num_generations: {args.num_generations} differs from the group size {group_size}")
+        raise invalid("num_generations", f"the group size of the environments, {group_size}", args.num_generations)
     per_process = args.per_device_train_batch_size * args.steps_per_generation
     if per_process % group_size:
-        raise ValueError(
-            f"per_device_train_batch_size: each process generates {per_process} episodes at once, which is not a multiple of the"
-            f" group size {group_size}: a group has to run in one process"
-        )
+        requirement = f"a multiple of the group size {group_size}, because a group runs in one process"
+        raise invalid("per_device_train_batch_size * steps_per_generation", requirement, per_process)
     if args.eval_strategy != "no":
-        raise ValueError("eval_strategy: episodes of an evaluation by the trainer would count as training")
+        requirement = "'no', because episodes of the trainer's evaluation would count as training; use sparring.evaluate"
+        raise invalid("eval_strategy", requirement, args.eval_strategy)

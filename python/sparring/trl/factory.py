@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, get_args
 
 try:
     from datasets import Dataset
@@ -10,6 +10,7 @@ except ImportError as error:
     raise ImportError("sparring.trl needs TRL: pip install 'sparring[trl]'") from error
 
 from ..curriculum import Curriculum
+from ..errors import invalid, one_of
 from .group_episodes import GroupEpisodes
 from .tool_environment import Reward as Reward
 from .tool_environment import ToolEnvironment
@@ -58,11 +59,11 @@ class EnvironmentFactory:
     ) -> None:
         others = [task for task in curriculum.tasks if not task.startswith("kessler/")]
         if others:
-            raise ValueError(f"curriculum: its run has {', '.join(others)}; the tools are for kessler only")
-        if reward not in ("score", "skill"):
-            raise ValueError(f"reward: {reward!r} is neither score nor skill")
+            raise ValueError(f"`curriculum` must be of a run with tasks of kessler only, got {', '.join(others)}")
+        if reward not in get_args(Reward):
+            raise one_of("reward", get_args(Reward), reward)
         if group_size < 1:
-            raise ValueError(f"group_size: must be >= 1, got {group_size}")
+            raise invalid("group_size", ">= 1", group_size)
         self.curriculum = curriculum
         self.group_size = group_size
         self.reward: Reward = reward

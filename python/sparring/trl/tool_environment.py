@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.error import ResetNeeded
 
+from ..errors import invalid
 from ..scenario import Scenario, bracket
 from ..single import Environment
 from ..text_obs import describe_telemetry
@@ -70,7 +71,7 @@ class ToolEnvironment:
             The observation after the last step.
         """
         if isinstance(satellite_id, bool) or satellite_id not in range(SATELLITES):
-            raise ValueError(f"satellite_id: {satellite_id!r} is not 0, 1 or 2")
+            raise invalid("satellite_id", "0, 1 or 2", satellite_id)
         burn = np.zeros((SATELLITES, 2), np.float32)
         delta_v = (_read_number("delta_vx", delta_vx), _read_number("delta_vy", delta_vy))
         burn[int(satellite_id)] = np.clip(delta_v, -1.0, 1.0)
@@ -89,7 +90,7 @@ class ToolEnvironment:
         """
         count = _read_number("steps", steps)
         if count < 1:
-            raise ValueError(f"steps: {steps!r} is not from 1 to {MAX_HOLD_STEPS}")
+            raise invalid("steps", f"from 1 to {MAX_HOLD_STEPS}", steps)
         self._hold(int(min(count, MAX_HOLD_STEPS)))
         return self._describe(self._max_debris)
 
@@ -134,7 +135,7 @@ class ToolEnvironment:
 
     def _running(self) -> Environment:
         if self._environment is None:
-            raise ResetNeeded("there is no episode: call reset first")
+            raise ResetNeeded("no episode is running: call reset() first")
         return self._environment
 
     def _telemetry(self) -> dict[str, Any]:
@@ -167,7 +168,7 @@ def _read_number(name: str, value: Any) -> float:
     except (TypeError, ValueError):
         number = math.nan
     if not math.isfinite(number):
-        raise ValueError(f"{name}: {value!r} is not a number")
+        raise invalid(name, "a number", value)
     return number
 
 

@@ -34,13 +34,13 @@ def run(*arguments):
 
 def test_invalid_option_is_reported_in_one_line(tmp_path, capsys):
     for options, field in (
-        (("--strategies", "plr,none"), "strategies"),
-        (("--strategies", "plr,plr"), "arms"),
-        (("--seeds", "1,x"), "seeds"),
-        (("--tasks", "none"), "tasks"),
-        (("--target-level", "40"), "target_level"),
-        (("--budget", "0"), "budget"),
-        (("--report",), "out"),
+        (("--strategies", "plr,none"), "--strategies"),
+        (("--strategies", "plr,plr"), "--strategies"),
+        (("--seeds", "1,x"), "--seeds"),
+        (("--tasks", "none"), "--tasks"),
+        (("--target-level", "40"), "--target-level"),
+        (("--budget", "0"), "--budget"),
+        (("--report",), "--out"),
     ):
         assert main(["--out", str(tmp_path / "none"), *options]) == 2
         error = capsys.readouterr().err
