@@ -6,16 +6,22 @@ SHELL := /bin/bash
 NODE_CHECK := process.exit(process.versions.node.split(".")[0] >= 20 ? 0 : 1)
 # Builds the tests, the binary and the Python module together: separate builds would compile dependencies once more with other features.
 BUILD_TESTS := SQLX_OFFLINE=true cargo build --workspace --locked --tests --lib --bin sparring && scripts/python-native
-.PHONY: help demo dashboard wheel test test-prerequisites test-clients test-python test-browser test-trainers test-heavy test-llm test-otlp bench bench-peers bench-python soak dist fmt lint deny sqlx check-style check-cargo check-clippy check-python check-node
+# Builds packages, and meanwhile the dashboard, which the next build includes. Without Node it is not built, and its page says so.
+build_with_dashboard = if node -e '$(NODE_CHECK)' 2>/dev/null; then $(MAKE) --no-print-directory dashboard; fi & dashboard=$$!; \
+	cargo build --locked $(1) && wait $$dashboard && cargo build --locked $(1) || { kill $$dashboard 2>/dev/null; exit 1; }
+.PHONY: help demo venv dashboard wheel test test-prerequisites test-clients test-python test-browser test-trainers test-heavy test-llm test-otlp bench bench-peers bench-python soak dist fmt lint deny sqlx check-style check-cargo check-clippy check-python check-node
 
 help: ## List the targets
 	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
 
 demo: check-cargo ## Train a built-in learner with the curriculum: about 45 s on two cores, after the build
-	@# The dashboard shows the results; it is built meanwhile. Without Node it is not built, and its page says so.
-	@if node -e '$(NODE_CHECK)' 2>/dev/null; then $(MAKE) --no-print-directory dashboard; fi & dashboard=$$!; \
-		cargo build --locked -p cli --bin sparring && wait $$dashboard || { kill $$dashboard 2>/dev/null; exit 1; }
+	@$(call build_with_dashboard,-p cli --bin sparring)
 	cargo run --locked -p cli --bin sparring -- demo
+
+venv: check-cargo check-python ## Create .venv with the Python package and the program `sparring`, for trainers in Python
+	@$(call build_with_dashboard,-p cli --bin sparring -p sparring-python)
+	scripts/venv .venv
+	@echo 'Activate it: . .venv/bin/activate'
 
 dashboard: check-node ## Build the dashboard, which the next build of the binary includes
 	cd dashboard && npm ci --no-audit --no-fund --loglevel=error && npm run build

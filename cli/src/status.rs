@@ -86,9 +86,10 @@ async fn show_server(connection: &Connection, json: bool) -> anyhow::Result<()> 
 
 fn report(status: &ServerStatus) -> Report {
     let mut report = Report::default();
+    let runs = if status.run_count == 1 { "1 run".to_owned() } else { format!("{} runs", status.run_count) };
     report.paragraph(match &status.url {
-        Some(url) => format!("The server at {url} has {} runs.", status.run_count),
-        None => format!("No server runs. The database has {} runs.", status.run_count),
+        Some(url) => format!("The server at {url} has {runs}."),
+        None => format!("No server runs. The database has {runs}."),
     });
     if status.runs.is_empty() {
         report.line("`sparring runs create` creates a run.");

@@ -92,6 +92,12 @@ fn describe(kind: &str, data: &Value) -> String {
             text("purpose"),
             text("form")
         ),
+        "group" if number("finished") == 0 => format!(
+            "{} group {} of {}: closed without a finished episode",
+            text("lease"),
+            number("group"),
+            text("task")
+        ),
         "group" => format!(
             "{} group {} of {}: {} of {} episodes succeeded",
             text("lease"),

@@ -2,6 +2,7 @@
 
 import pathlib
 import re
+import subprocess
 
 import numpy as np
 import pytest
@@ -39,16 +40,27 @@ def test_python_page_runs_from_top_to_bottom(tmp_path, monkeypatch):
 
 
 @needs_server
-def test_readme_code_runs(tmp_path, monkeypatch):
+def test_readme_trainer_learns(tmp_path):
+    """The commands of the README: an environment by scripts/venv, and the trainer beside a server."""
+    program = code_blocks("README.md")[0]
+    assert program == (ROOT / "examples/first_trainer.py").read_text(encoding="utf-8")
+    assert sum(bool(line.strip()) for line in program.splitlines()) <= 20
+    venv = tmp_path / "venv"
+    subprocess.run([ROOT / "scripts/venv", venv], check=True)
+    assert (venv / "bin/sparring").resolve() == (ROOT / "target/debug/sparring").resolve()
+    with local_curriculum() as curriculum:
+        command = [venv / "bin/python", "-c", program.replace(URL, curriculum.url)]
+        trainer = subprocess.run(command, check=True, capture_output=True, text=True)
+    levels = [int(level) for level in re.findall(r"^update \d+: level (\d), skill", trainer.stdout, re.MULTILINE)]
+    assert len(levels) == 8 and levels[0] <= 1 and levels[-1] >= 2, trainer.stdout
+
+
+@needs_server
+def test_readme_environments_run(tmp_path, monkeypatch):
     pytest.importorskip("pettingzoo")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("SPARRING_BIN", BINARY)
-    with local_curriculum() as curriculum:
-        for code in code_blocks("README.md"):
-            exec(code.replace(URL, curriculum.url), {})
-        runs = [run["id"] for run in curriculum.request("GET", "/v1/runs")["runs"]]
-        versions = [row for run in runs for row in curriculum.request("GET", f"/v1/runs/{run}/policy_versions")["versions"]]
-    # The trainer takes 20 leases of 8 groups of 4 episodes.
-    assert sum(task["episodes"] for row in versions for task in row["tasks"]) == 640
-    assert {row["version"] for row in versions} == set(range(20))
+    _, environments, curriculum = code_blocks("README.md")
+    exec(environments, {})
+    exec(curriculum, {})
     assert (tmp_path / "mine.sqlite3").stat().st_size > 0

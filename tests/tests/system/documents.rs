@@ -1,9 +1,9 @@
-//! Committed documents match the program: OpenAPI document, example layouts, pictures of the guide, README trainer.
+//! Committed documents match the program: OpenAPI document, example layouts, pictures of the guide.
 
 use std::process::Command;
 
 use serde_json::Value;
-use system_tests::{Server, sparring_binary};
+use system_tests::sparring_binary;
 
 #[test]
 fn openapi_document_matches_snapshot() {
@@ -46,27 +46,4 @@ fn designer_guide_pictures_are_up_to_date() {
         }
     }
     assert!(shown >= 4, "the guide shows only {shown} pictures");
-}
-
-#[tokio::test]
-async fn readme_trainer_runs_in_twenty_lines() {
-    let readme = include_str!("../../../README.md");
-    let (_, rest) = readme.split_once("```python\n").unwrap();
-    let (program, _) = rest.split_once("```").unwrap();
-    let lines = program.lines().filter(|line| !line.trim().is_empty()).count();
-    assert!(lines <= 20, "the README promises at most 20 lines, got {lines}");
-    let server = Server::start().await;
-    let program = program.replace("http://127.0.0.1:8700", server.api().base());
-    let process =
-        tokio::task::spawn_blocking(move || Command::new("python3").args(["-c", &program]).output().unwrap())
-            .await
-            .unwrap();
-    assert!(process.status.success(), "{}", String::from_utf8_lossy(&process.stderr));
-    let runs = server.api().get("/v1/runs").await.expect(200);
-    let id = runs["runs"][0]["id"].as_str().unwrap();
-    let mastery = server.api().get(&format!("/v1/runs/{id}/mastery")).await.expect(200);
-    let [results, designed] = ["results", "designed_results"].map(|of| &mastery["tasks"][0][of]);
-    let episodes = [results, designed].map(|sums| sums["episodes"].as_u64().unwrap()).iter().sum::<u64>();
-    assert_eq!(episodes, 20 * 8 * 4, "{mastery}");
-    assert!(results["success"].as_f64().unwrap() > 0.2, "{results}");
 }

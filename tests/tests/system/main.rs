@@ -6,6 +6,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by a panic")]
 
 mod access;
+mod api_page;
 mod bad_input;
 mod crash;
 mod curricula;

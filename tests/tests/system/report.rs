@@ -33,7 +33,7 @@ async fn report_is_one_self_contained_page() {
     let page = std::fs::read_to_string(&out).unwrap();
     for text in [
         "kessler/survival",
-        "Success on contested scenarios",
+        "Mastery and success",
         "Failure modes",
         "collision",
         "Rules of the curriculum",

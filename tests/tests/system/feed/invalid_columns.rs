@@ -165,7 +165,7 @@ async fn invalid_column_leases_are_rejected() {
     let cases = [
         (json!({"groups": 0}), "groups"),
         (json!({"groups": 100_001}), "groups"),
-        (json!({"groups": 50_000, "group_size": 3}), "groups × group_size"),
+        (json!({"groups": 50_000, "group_size": 3}), "groups"),
         (json!({"groups": 4_294_967_295u32, "group_size": 1024}), "groups"),
         (json!({"groups": 10, "purpose": "eval"}), "form"),
         (json!({"groups": 10, "ttl_s": 0}), "ttl_s"),
