@@ -3,13 +3,15 @@
 //! Input arrays are checked for dtype, shape and layout. Result arrays are written in place: into the caller's array, or
 //! into a recycled one of [`ArrayRecycler`].
 
+use std::fmt::Display;
+
 use numpy::{
     Element, IxDyn, PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadwriteArrayDyn,
     PyUntypedArray, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
-use crate::errors::invalid;
+use crate::errors::{invalid, rejected};
 
 /// Copies an array of numbers with this shape into `target`, as f32.
 ///
@@ -32,8 +34,8 @@ pub(crate) fn copy_f32(
     }
     let array = numeric_array(field, value, shape, "fiu")?;
     let array = contiguous::<f32>(field, &array)?;
-    let read = array.try_readonly().map_err(|error| invalid(field, error))?;
-    target.extend_from_slice(read.as_slice().map_err(|error| invalid(field, error))?);
+    let read = array.try_readonly().map_err(|error| rejected(field, error))?;
+    target.extend_from_slice(read.as_slice().map_err(|error| rejected(field, error))?);
     Ok(())
 }
 
@@ -43,7 +45,7 @@ pub(crate) fn copy_f32(
 /// `ValueError` if `value` is not an array of integers with this shape.
 pub(crate) fn read_i64(field: &str, value: &Bound<'_, PyAny>, shape: &[usize]) -> PyResult<Vec<i64>> {
     let array = contiguous::<i64>(field, &numeric_array(field, value, shape, "iu")?)?;
-    array.to_vec().map_err(|error| invalid(field, error))
+    array.to_vec().map_err(|error| rejected(field, error))
 }
 
 /// Numbers of an array whose first axis has any length.
@@ -62,15 +64,14 @@ pub(crate) struct NumericRows {
 /// `ValueError` if `value` is not such an array of numbers.
 pub(crate) fn read_f64(field: &str, value: &Bound<'_, PyAny>, inner: &[usize]) -> PyResult<NumericRows> {
     let numpy = value.py().import("numpy")?;
-    let array =
-        numpy.call_method1("asarray", (value,)).map_err(|_| invalid(field, "not an array of numbers"))?;
-    let array = array.cast::<PyUntypedArray>().map_err(|_| invalid(field, "not an array of numbers"))?;
+    let array = numpy.call_method1("asarray", (value,)).map_err(|_| not_numeric(field, value))?;
+    let array = array.cast::<PyUntypedArray>().map_err(|_| not_numeric(field, value))?;
     let len = array.shape().first().copied().unwrap_or(0);
     let shape: Vec<usize> = std::iter::once(len).chain(inner.iter().copied()).collect();
     let is_single_precision =
         array.dtype().itemsize() <= size_of::<f32>() && char::from(array.dtype().kind()) == 'f';
     let array = contiguous::<f64>(field, &numeric_array(field, array, &shape, "fiu")?)?;
-    let values = array.to_vec().map_err(|error| invalid(field, error))?;
+    let values = array.to_vec().map_err(|error| rejected(field, error))?;
     Ok(NumericRows { values, len, is_single_precision })
 }
 
@@ -79,9 +80,9 @@ pub(crate) fn read_f64(field: &str, value: &Bound<'_, PyAny>, inner: &[usize]) -
 /// # Errors
 /// `ValueError` if `value` is something else.
 pub(crate) fn read_mask(field: &str, value: &Bound<'_, PyAny>, len: usize) -> PyResult<Vec<bool>> {
-    let error = || invalid(field, format!("not a numpy array of {len} bools"));
+    let error = || invalid(field, format!("a NumPy array of {len} bools"), describe(value));
     let mask = value.cast::<PyArray1<bool>>().map_err(|_| error())?;
-    let mask: Vec<bool> = mask.try_readonly().map_err(|error| invalid(field, error))?.as_array().to_vec();
+    let mask: Vec<bool> = mask.try_readonly().map_err(|error| rejected(field, error))?.as_array().to_vec();
     if mask.len() == len { Ok(mask) } else { Err(error()) }
 }
 
@@ -95,16 +96,44 @@ pub(crate) fn writable<'py, T: Element>(
     shape: &[usize],
 ) -> PyResult<PyReadwriteArrayDyn<'py, T>> {
     let dtype = numpy::dtype::<T>(value.py());
-    let array = value
-        .cast::<PyArrayDyn<T>>()
-        .map_err(|_| invalid(field, format!("not a numpy array of dtype {dtype}")))?;
+    let array = value.cast::<PyArrayDyn<T>>().map_err(|_| wrong_dtype(field, &dtype, value))?;
     if array.shape() != shape {
-        return Err(invalid(field, format!("shape {:?}, expected {shape:?}", array.shape())));
+        return Err(wrong_shape(field, shape, array.shape()));
     }
     if !array.is_c_contiguous() {
-        return Err(invalid(field, "not C-contiguous"));
+        return Err(invalid(field, "C-contiguous", "an array of another layout"));
     }
-    array.try_readwrite().map_err(|error| invalid(field, error))
+    array.try_readwrite().map_err(|error| rejected(field, error))
+}
+
+/// Describes a value for an error message: dtype and shape of an array, else the type.
+fn describe(value: &Bound<'_, PyAny>) -> String {
+    let Ok(array) = value.cast::<PyUntypedArray>() else {
+        let name = value.get_type().name();
+        return name.map_or_else(|_| "another type".to_owned(), |name| name.to_string());
+    };
+    format!("an array of dtype {} and shape {}", array.dtype(), format_shape(array.shape()))
+}
+
+/// Formats a shape as NumPy does, for example `(4, 3, 2)`.
+fn format_shape(shape: &[usize]) -> String {
+    match shape {
+        [len] => format!("({len},)"),
+        _ => format!("({})", shape.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")),
+    }
+}
+
+fn not_numeric(field: &str, value: &Bound<'_, PyAny>) -> PyErr {
+    invalid(field, "an array of numbers", describe(value))
+}
+
+fn wrong_shape(field: &str, expected: &[usize], found: &[usize]) -> PyErr {
+    invalid(field, format!("an array of shape {}", format_shape(expected)), format_shape(found))
+}
+
+/// Builds the `ValueError` about an array that has another dtype, or about a value that is no array.
+pub(crate) fn wrong_dtype(field: &str, dtype: impl Display, value: &Bound<'_, PyAny>) -> PyErr {
+    invalid(field, format!("a NumPy array of dtype {dtype}"), describe(value))
 }
 
 /// Converts `value` by `numpy.asarray`; checks its shape and that its dtype is one of `kinds` (NumPy's letters).
@@ -121,15 +150,15 @@ fn numeric_array<'py>(
             .call_method1("asarray", (value,))
             .ok()
             .and_then(|array| array.cast_into::<PyUntypedArray>().ok())
-            .ok_or_else(|| invalid(field, "not an array of numbers"))?,
+            .ok_or_else(|| not_numeric(field, value))?,
     };
     let kind = char::from(array.dtype().kind());
     if !kinds.contains(kind) {
         let expected = if kinds.contains('f') { "numbers" } else { "integers" };
-        return Err(invalid(field, format!("dtype {}, expected {expected}", array.dtype())));
+        return Err(invalid(field, format!("an array of {expected}"), format!("dtype {}", array.dtype())));
     }
     if array.shape() != shape {
-        return Err(invalid(field, format!("shape {:?}, expected {shape:?}", array.shape())));
+        return Err(wrong_shape(field, shape, array.shape()));
     }
     Ok(array)
 }
@@ -141,7 +170,7 @@ fn contiguous<'py, T: Element>(
 ) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
     let numpy = array.py().import("numpy")?;
     let converted = numpy.call_method1("ascontiguousarray", (array, numpy::dtype::<T>(array.py())))?;
-    converted.cast_into::<PyArrayDyn<T>>().map_err(|_| invalid(field, "not an array of numbers"))
+    converted.cast_into::<PyArrayDyn<T>>().map_err(|_| not_numeric(field, array))
 }
 
 /// Result arrays of one shape that are reused once no caller holds them.

@@ -1,13 +1,20 @@
 //! Conversion of errors into the Python exceptions that users of Gymnasium expect.
 
+use std::fmt::Display;
+
 use env_core::ScenarioError;
 use env_core::batch::BatchError;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 
-/// Builds a `ValueError` about one field: "`field`: `reason`".
-pub(crate) fn invalid(field: &str, reason: impl std::fmt::Display) -> PyErr {
-    PyValueError::new_err(format!("{field}: {reason}"))
+/// Builds a `ValueError` about an argument: "`field` must be `requirement`, got `value`".
+pub(crate) fn invalid(field: &str, requirement: impl Display, value: impl Display) -> PyErr {
+    PyValueError::new_err(format!("`{field}` must be {requirement}, got {value}"))
+}
+
+/// Builds a `ValueError` about an argument from the error of another library: "`field`: `error`".
+pub(crate) fn rejected(field: &str, error: impl Display) -> PyErr {
+    PyValueError::new_err(format!("`{field}`: {error}"))
 }
 
 /// Builds a `ValueError` for an invalid scenario or recipe.
@@ -21,7 +28,7 @@ pub(crate) fn scenario_error(error: &ScenarioError) -> PyErr {
 pub(crate) fn batch_error(py: Python<'_>, error: &BatchError) -> PyErr {
     match error {
         BatchError::Ended { .. } => reset_needed(py, &error.to_string()),
-        BatchError::NotFinite { .. } => invalid("actions", error),
+        BatchError::NotFinite { .. } => rejected("actions", error),
         _ => PyValueError::new_err(error.to_string()),
     }
 }

@@ -13,7 +13,7 @@ use pyo3::prelude::*;
 use serde_json::{Value, json};
 
 use crate::arrays::{NumericRows, read_f64};
-use crate::errors::{invalid, scenario_error};
+use crate::errors::{invalid, rejected, scenario_error};
 
 /// A scenario: `(scenario, actions)` decides every bit of an episode.
 #[pyclass(frozen, eq, from_py_object, module = "sparring._native")]
@@ -88,7 +88,7 @@ pub(crate) fn bracket<'py>(
     let admission = py.detach(|| admit(scenario));
     admission.fair.as_ref().map_err(scenario_error)?;
     let Some(bracket) = &admission.bracket else {
-        return Err(invalid("scenario", "it has no bracket"));
+        return Err(rejected("scenario", "it has no bracket; choose another seed or other params"));
     };
     let panel: Vec<Value> =
         bracket.panel.iter().map(|outcome| bracketed_json(scenario, bracket, outcome)).collect();
@@ -115,8 +115,8 @@ pub(crate) fn critique(
 ) -> PyResult<String> {
     let log = read_log(&scenario.0, actions, stopped)?;
     let critique = py.detach(|| scenario.0.task().critique(&scenario.0, &log));
-    let critique = critique.map_err(|error| invalid("actions", error))?;
-    serde_json::to_string(&critique).map_err(|error| invalid("actions", error))
+    let critique = critique.map_err(|error| rejected("actions", error))?;
+    serde_json::to_string(&critique).map_err(|error| rejected("actions", error))
 }
 
 /// Replays actions on a scenario; returns the outcome as JSON.
@@ -130,7 +130,7 @@ pub(crate) fn replay(
 ) -> PyResult<String> {
     let log = read_log(&scenario.0, actions, stopped)?;
     let outcome = py.detach(|| rollouts::replay(&scenario.0, &log));
-    Ok(outcome_json(&outcome.map_err(|error| invalid("actions", error))?).to_string())
+    Ok(outcome_json(&outcome.map_err(|error| rejected("actions", error))?).to_string())
 }
 
 /// Runs a built-in policy on a scenario to the end; returns the outcome as JSON, and the actions.
@@ -144,9 +144,9 @@ pub(crate) fn rollout<'py>(
 ) -> PyResult<(String, Bound<'py, PyArray3<f64>>)> {
     let scenario = &scenario.0;
     let mut policy =
-        scenario.task().policy(policy, scenario, seed).map_err(|error| invalid("policy", error))?;
+        scenario.task().policy(policy, scenario, seed).map_err(|error| rejected("policy", error))?;
     let rollout = py.detach(|| rollouts::roll_out(scenario, &mut *policy));
-    let rollout = rollout.map_err(|error| invalid("scenario", error))?;
+    let rollout = rollout.map_err(|error| rejected("scenario", error))?;
     Ok((outcome_json(&rollout.outcome).to_string(), log_to_array(py, scenario, &rollout.log)?))
 }
 
@@ -159,7 +159,7 @@ pub(crate) fn parse_recipe(text: &str) -> PyResult<Arc<Recipe>> {
 }
 
 fn parse_json(text: &str) -> PyResult<Value> {
-    serde_json::from_str(text).map_err(|error| invalid("scenario", error))
+    serde_json::from_str(text).map_err(|error| rejected("scenario", error))
 }
 
 fn outcome_json(outcome: &EpisodeOutcome) -> Value {
@@ -208,7 +208,7 @@ fn read_log(scenario: &Scenario, actions: &Bound<'_, PyAny>, stopped: Option<&st
     let NumericRows { values, len: steps, is_single_precision } =
         read_f64("actions", actions, &[agents, dim])?;
     if !values.iter().all(|value| value.is_finite()) {
-        return Err(invalid("actions", "not all are finite numbers"));
+        return Err(invalid("actions", "finite numbers", "NaN or an infinity"));
     }
     let precision = if is_single_precision { Precision::F32 } else { Precision::F64 };
     let mut log = ActionLog::new(dim, precision);
@@ -221,7 +221,7 @@ fn read_log(scenario: &Scenario, actions: &Bound<'_, PyAny>, stopped: Option<&st
     log.stopped = stopped
         .map(|name| {
             StopReason::from_name(name).ok_or_else(|| {
-                invalid("stopped", format!("{name:?} is none of unparsable, too_long, too_late"))
+                invalid("stopped", "one of unparsable, too_long, too_late", format!("{name:?}"))
             })
         })
         .transpose()?;

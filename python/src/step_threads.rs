@@ -3,7 +3,7 @@
 use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use crate::errors::invalid;
+use crate::errors::{invalid, rejected};
 
 /// Environments below which the calling thread steps a batch: `env_core` does not split smaller batches.
 const MIN_SHARED_ENVS: usize = 64;
@@ -22,7 +22,7 @@ impl StepThreads {
     /// `ValueError` if the number is not from 1 to [`MAX_THREADS`] or the threads cannot be started.
     pub(crate) fn new(threads: Option<usize>, envs: usize) -> PyResult<Self> {
         if let Some(threads) = threads.filter(|threads| !(1..=MAX_THREADS).contains(threads)) {
-            return Err(invalid("threads", format!("{threads} is not from 1 to {MAX_THREADS}")));
+            return Err(invalid("threads", format!("from 1 to {MAX_THREADS}"), threads));
         }
         // Dispatching work to threads costs tens of microseconds, in which one thread steps a hundred environments.
         let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
@@ -31,7 +31,7 @@ impl StepThreads {
         }
         let builder = ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0));
         let pool = builder.thread_name(|n| format!("sparring-{n}")).build();
-        pool.map(|pool| Self(Some(pool))).map_err(|error| invalid("threads", error))
+        pool.map(|pool| Self(Some(pool))).map_err(|error| rejected("threads", error))
     }
 
     /// Runs a task in the pool and waits for its result.

@@ -11,7 +11,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use serde_json::{Value, json};
 
-use crate::errors::{invalid, scenario_error};
+use crate::errors::{invalid, rejected, scenario_error};
 use crate::scenario::NativeScenario;
 
 /// Returns the ids of all tasks.
@@ -60,7 +60,7 @@ fn find_task(id: &str) -> PyResult<&'static dyn TaskSpec> {
     let has_name = |task: &&'static dyn TaskSpec| task.id().split('/').next_back() == Some(id);
     env_core::task(id).or_else(|| env_core::tasks().find(has_name)).ok_or_else(|| {
         let known: Vec<&str> = env_core::tasks().map(TaskSpec::id).collect();
-        invalid("task", format!("{id:?} is none of {}", known.join(", ")))
+        invalid("task", format!("one of {}", known.join(", ")), format!("{id:?}"))
     })
 }
 
@@ -77,7 +77,7 @@ impl NativePolicy {
     #[new]
     fn new(name: &str, scenario: &NativeScenario, seed: u64) -> PyResult<Self> {
         let task = scenario.0.task();
-        let policy = task.policy(name, &scenario.0, seed).map_err(|error| invalid("policy", error))?;
+        let policy = task.policy(name, &scenario.0, seed).map_err(|error| rejected("policy", error))?;
         let agents = task.agents(scenario.0.recipe()) as usize;
         Ok(Self { task, agents, policy: Mutex::new(policy) })
     }
@@ -85,8 +85,8 @@ impl NativePolicy {
     /// Returns the action of each agent, along the world's axes, for an observation in the wire form (JSON).
     #[pyo3(signature = (telemetry) -> "numpy.typing.NDArray[numpy.float64]")]
     fn act<'py>(&self, py: Python<'py>, telemetry: &str) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let wire: Value = serde_json::from_str(telemetry).map_err(|error| invalid("telemetry", error))?;
-        let observation = self.task.read_observation(&wire).map_err(|error| invalid("telemetry", error))?;
+        let wire: Value = serde_json::from_str(telemetry).map_err(|error| rejected("telemetry", error))?;
+        let observation = self.task.read_observation(&wire).map_err(|error| rejected("telemetry", error))?;
         let dim = self.task.action_space().columns.len();
         let mut log = ActionLog::new(dim, Precision::F64);
         self.policy.lock().unwrap_or_else(PoisonError::into_inner).act(&*observation, &mut log);

@@ -186,7 +186,7 @@ def test_rejected_reset_changes_nothing():
             assert env.scenario == first
             env.step(env.action_space.sample())
         assert env.reset(seed=1)[1]["scenario"] == first
-    with pytest.raises(ValueError, match=r"options: params\.deputies .*; environments have room for the agents"):
+    with pytest.raises(ValueError, match=r"`options`: params\.deputies .*; choose .* at most the agents"):
         docking.reset(options={"level": 9})
 
 

@@ -179,7 +179,7 @@ except MemoryError as error:
     print(error)
 """
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
-    assert ended.stdout.startswith("num_envs: 1048576 environments take "), ended
+    assert ended.stdout.startswith("`num_envs` must fit into memory: 1048576 environments take "), ended
 
 
 def test_wrong_type_is_named():

@@ -21,7 +21,7 @@ pub(super) fn parse_autoreset(mode: &str) -> PyResult<Autoreset> {
         "next_step" => Ok(Autoreset::NextStep),
         "same_step" => Ok(Autoreset::SameStep),
         "disabled" => Ok(Autoreset::Disabled),
-        _ => Err(invalid("autoreset_mode", format!("{mode:?} is none of next_step, same_step, disabled"))),
+        _ => Err(invalid("autoreset_mode", "one of next_step, same_step, disabled", format!("{mode:?}"))),
     }
 }
 

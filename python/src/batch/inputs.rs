@@ -24,7 +24,7 @@ impl NativeBatch {
             return Ok(());
         }
         Err(PyRuntimeError::new_err(
-            "these environments belong to another process, whose threads a fork does not copy: make them in the process that steps them",
+            "the environments belong to another process, and a fork does not copy its threads: make them in the process that steps them",
         ))
     }
 
@@ -34,7 +34,7 @@ impl NativeBatch {
     /// `ValueError` if the index is out of range.
     pub(super) fn check_env(&self, env: usize) -> PyResult<()> {
         let envs = self.shape.envs;
-        if env < envs { Ok(()) } else { Err(invalid("env", format!("{env} is not from 0 to {}", envs - 1))) }
+        if env < envs { Ok(()) } else { Err(invalid("env", format!("from 0 to {}", envs - 1), env)) }
     }
 
     /// Reads actions into `target`; discrete actions become the values that they choose.
@@ -48,7 +48,7 @@ impl NativeBatch {
         target.clear();
         for choice in read_i64("actions", actions, &self.action_shape)? {
             let row = usize::try_from(choice).ok().and_then(|choice| choices.get(choice));
-            let error = || invalid("actions", format!("{choice} is not from 0 to {}", choices.len() - 1));
+            let error = || invalid("actions", format!("from 0 to {}", choices.len() - 1), choice);
             target.extend_from_slice(row.ok_or_else(error)?);
         }
         Ok(())
@@ -60,7 +60,7 @@ impl NativeBatch {
 /// # Errors
 /// `ValueError` if `seed` is not an integer of that space.
 pub(super) fn read_seed(seed: &Bound<'_, PyAny>) -> PyResult<Seed> {
-    let error = || invalid("seed", format!("{seed} is not {}", env_core::SEED_REQUIREMENT));
+    let error = || invalid("seed", env_core::SEED_REQUIREMENT, seed);
     let value: u64 = seed.extract().map_err(|_| error())?;
     if value > MAX_USER_SEED { Err(error()) } else { Seed::user(value).map_err(|_| error()) }
 }

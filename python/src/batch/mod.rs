@@ -28,7 +28,7 @@ use self::reset_request::check_memory;
 use crate::arrays::{read_mask, writable};
 use crate::batch_state::{BatchState, EpisodeStats, StepBuffers};
 use crate::curriculum::{CurriculumClient, LeasedEpisode, NativeCurriculum, WaitError};
-use crate::errors::invalid;
+use crate::errors::{invalid, rejected};
 use crate::renderer::ImageSize;
 use crate::scenario::{NativeScenario, parse_recipe};
 use crate::scenario_sequence::ScenarioSequences;
@@ -80,7 +80,7 @@ impl NativeBatch {
         curriculum: Option<&NativeCurriculum>,
     ) -> PyResult<Self> {
         if !(1..=MAX_ENVS).contains(&envs) {
-            return Err(invalid("num_envs", format!("{envs} is not from 1 to {MAX_ENVS}")));
+            return Err(invalid("num_envs", format!("from 1 to {MAX_ENVS}"), envs));
         }
         let client = curriculum.map(|curriculum| Arc::clone(&curriculum.client));
         let first_scenario = client.as_ref().map(|client| py.detach(|| client.register_envs(envs)));
@@ -180,7 +180,7 @@ impl NativeBatch {
         let observations = self.observation_array(py, out)?;
         let shape = lock_attached(py, &self.outputs).observations.shape().to_vec();
         let mut writer = writable::<f32>("out", observations.as_any(), &shape)?;
-        let slice = writer.as_slice_mut().map_err(|error| invalid("out", error))?;
+        let slice = writer.as_slice_mut().map_err(|error| rejected("out", error))?;
         updates.into_iter().for_each(|update| self.sequences.set(update.slot, update.sequence));
         let reset = py.detach(|| self.reset_detached(mask.as_deref(), slice));
         reset.map_err(|error| error.into_py(py))?;
@@ -210,10 +210,10 @@ impl NativeBatch {
             let mut termination_writer = writable::<bool>("out[2]", terminations.as_any(), &envs)?;
             let mut truncation_writer = writable::<bool>("out[3]", truncations.as_any(), &envs)?;
             let mut buffers = StepBuffers {
-                observations: observation_writer.as_slice_mut().map_err(|error| invalid("out[0]", error))?,
-                rewards: reward_writer.as_slice_mut().map_err(|error| invalid("out[1]", error))?,
-                terminations: termination_writer.as_slice_mut().map_err(|error| invalid("out[2]", error))?,
-                truncations: truncation_writer.as_slice_mut().map_err(|error| invalid("out[3]", error))?,
+                observations: observation_writer.as_slice_mut().map_err(|error| rejected("out[0]", error))?,
+                rewards: reward_writer.as_slice_mut().map_err(|error| rejected("out[1]", error))?,
+                terminations: termination_writer.as_slice_mut().map_err(|error| rejected("out[2]", error))?,
+                truncations: truncation_writer.as_slice_mut().map_err(|error| rejected("out[3]", error))?,
             };
             let stepped = py.detach(|| self.step_detached(values, &mut buffers));
             stepped.map_err(|error| error.into_py(py))?
@@ -356,7 +356,7 @@ impl NativeBatch {
         self.check_env(env)?;
         let size = ImageSize { width, height };
         let pixels = py.detach(|| lock_detached(&self.state).render(env, self.shape, size));
-        let pixels = pixels.ok_or_else(|| invalid("render", "there is no episode: call reset first"))?;
+        let pixels = pixels.ok_or_else(|| rejected("render", "no episode is running: call reset() first"))?;
         PyArray1::from_vec(py, pixels).reshape([height as usize, width as usize, 3])
     }
 }

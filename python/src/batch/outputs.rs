@@ -1,13 +1,12 @@
 //! Arrays that a batch's methods return.
 
 use env_core::batch::{BatchShape, ObservationMode};
-use numpy::{PyArray1, PyArray2, PyArrayDyn};
+use numpy::{Element, PyArray1, PyArray2, PyArrayDyn};
 use pyo3::prelude::*;
 
 use super::NativeBatch;
 use super::lock::lock_attached;
-use crate::arrays::ArrayRecycler;
-use crate::errors::invalid;
+use crate::arrays::{ArrayRecycler, wrong_dtype};
 
 /// Result of a step: observations, rewards, terminations, truncations, and whether any episode ended.
 pub(super) type StepResult<'py> = (
@@ -80,9 +79,7 @@ impl NativeBatch {
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         match out {
-            Some(out) => {
-                Ok(out.cast::<PyArrayDyn<f32>>().map_err(|_| wrong_dtype("out", "float32"))?.clone())
-            }
+            Some(out) => cast_out("out", out.clone()),
             None => Ok(lock_attached(py, &self.outputs).observations.acquire(py)),
         }
     }
@@ -106,14 +103,21 @@ impl NativeBatch {
             });
         };
         Ok(StepArrays {
-            observations: observations.cast_into().map_err(|_| wrong_dtype("out[0]", "float32"))?,
-            rewards: rewards.cast_into().map_err(|_| wrong_dtype("out[1]", "float64"))?,
-            terminations: terminations.cast_into().map_err(|_| wrong_dtype("out[2]", "bool"))?,
-            truncations: truncations.cast_into().map_err(|_| wrong_dtype("out[3]", "bool"))?,
+            observations: cast_out("out[0]", observations)?,
+            rewards: cast_out("out[1]", rewards)?,
+            terminations: cast_out("out[2]", terminations)?,
+            truncations: cast_out("out[3]", truncations)?,
         })
     }
 }
 
-fn wrong_dtype(field: &str, dtype: &str) -> PyErr {
-    invalid(field, format!("not a numpy array of dtype {dtype}"))
+/// Casts an array of the caller.
+///
+/// # Errors
+/// `ValueError` if the array has another dtype.
+fn cast_out<'py, T: Element>(field: &str, array: Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    array.cast_into().map_err(|error| {
+        let array = error.into_inner();
+        wrong_dtype(field, numpy::dtype::<T>(array.py()), &array)
+    })
 }

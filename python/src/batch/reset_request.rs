@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 
 use super::NativeBatch;
 use super::inputs::read_seed;
-use crate::errors::{invalid, scenario_error};
+use crate::errors::{invalid, rejected, scenario_error};
 use crate::scenario::NativeScenario;
 use crate::scenario_sequence::{ResetRequest, ScenarioSequence, ScenarioSequences, SequenceFeed};
 
@@ -37,7 +37,11 @@ impl NativeBatch {
             [("seed", seeds.len()), ("options", recipes.len()), ("options.scenario", scenarios.len())]
         {
             if len != 0 && len != envs {
-                return Err(invalid(field, format!("{len} for {envs} environments")));
+                return Err(invalid(
+                    field,
+                    format!("a list of one item per environment ({envs})"),
+                    format!("{len} items"),
+                ));
             }
         }
         for (request, seed) in requests.iter_mut().zip(seeds) {
@@ -88,13 +92,15 @@ impl NativeBatch {
     /// Checks that a caller may choose this scenario: it is of the batch's task, and no curriculum chooses scenarios.
     fn check_task(&self, NativeScenario(scenario): &NativeScenario) -> PyResult<()> {
         if self.curriculum.is_some() {
-            return Err(invalid("options", "the curriculum chooses the scenarios"));
+            return Err(PyValueError::new_err(
+                "`options` must be omitted with a curriculum, which chooses the scenarios",
+            ));
         }
         let (task, expected) = (scenario.task().id(), self.task.id());
         if task == expected {
             Ok(())
         } else {
-            Err(invalid("scenario", format!("its task is {task}, not {expected}")))
+            Err(invalid("scenario", format!("of the task {expected}"), task))
         }
     }
 }
@@ -122,14 +128,17 @@ impl ScratchEnv {
         self.batch.reset(None, &mut self.observation).map_err(|error| match error {
             BatchError::Scenario { source, .. } => {
                 let limits =
-                    "environments have room for the agents they were made with, and need a fair start";
-                invalid("options", format!("{source}; {limits} (environment {slot})"))
+                    "choose a fair start with at most the agents that the environments were made with";
+                rejected("options", format!("{source}; {limits} (environment {slot})"))
             }
             other => PyValueError::new_err(other.to_string()),
         })?;
         let begun = self.batch.running_episode(0).map(|episode| episode.scenario);
         if request.once.as_ref().is_some_and(|once| begun.as_ref() != Some(once)) {
-            return Err(invalid("options.scenario", "it has no fair start"));
+            return Err(rejected(
+                "options.scenario",
+                "it has no fair start; choose another seed or other params",
+            ));
         }
         Ok(())
     }
@@ -164,7 +173,7 @@ pub(super) fn check_memory(
     reserved.map_err(|_| {
         let (envs, gib) = (config.envs, bytes as f64 / f64::from(1 << 30));
         PyMemoryError::new_err(format!(
-            "num_envs: {envs} environments take {gib:.1} GiB, more memory than is available"
+            "`num_envs` must fit into memory: {envs} environments take {gib:.1} GiB, more than is available"
         ))
     })
 }

@@ -47,7 +47,7 @@ impl CurriculumClient {
             if queue.is_exhausted {
                 return Err("no episode is left: the evaluation is complete".to_owned().into());
             }
-            queue = self.wait_until(queue, until, &|_| "no lease arrived".to_owned())?;
+            queue = self.wait_until(queue, until, &|_| "the server granted no lease".to_owned())?;
         }
     }
 

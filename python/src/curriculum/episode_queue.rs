@@ -158,7 +158,7 @@ impl EpisodeQueue {
     /// Returns the message to show to the user.
     pub(super) fn check_usable(&self) -> Result<(), String> {
         if self.is_closing {
-            return Err("the curriculum is closed".to_owned());
+            return Err("the curriculum is closed: open another one with the same run".to_owned());
         }
         self.error.clone().map_or(Ok(()), Err)
     }
@@ -184,7 +184,7 @@ impl EpisodeQueue {
                     since.elapsed().as_secs_f64()
                 )
             }
-            None => "the server is slow".to_owned(),
+            None => "the server did not answer in time; increase the timeout if it is busy".to_owned(),
         }
     }
 

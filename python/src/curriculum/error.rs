@@ -12,7 +12,7 @@ create_exception!(
     sparring,
     CurriculumError,
     PyRuntimeError,
-    "A curriculum has no more episodes or its server failed; the message says why."
+    "The curriculum has no more episodes, or its server does not answer, fails or rejects a request."
 );
 
 /// Deadline for an infinite timeout: a century, in seconds.
@@ -53,6 +53,7 @@ pub(super) fn curriculum_error(message: String) -> PyErr {
 /// `ValueError` about `field` if the number is negative, NaN or too large for a clock.
 pub(super) fn deadline(field: &str, seconds: f64) -> PyResult<Instant> {
     let seconds = if seconds == f64::INFINITY { INFINITE_TIMEOUT_S } else { seconds };
-    let timeout = Duration::try_from_secs_f64(seconds).map_err(|error| invalid(field, error))?;
-    Instant::now().checked_add(timeout).ok_or_else(|| invalid(field, "too large for a timeout"))
+    let error = || invalid(field, "a number of seconds >= 0, or infinity", seconds);
+    let timeout = Duration::try_from_secs_f64(seconds).map_err(|_| error())?;
+    Instant::now().checked_add(timeout).ok_or_else(error)
 }

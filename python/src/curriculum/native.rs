@@ -43,8 +43,8 @@ impl NativeCurriculum {
         buffer: usize,
         max_wait_s: f64,
     ) -> PyResult<Self> {
-        let max_wait =
-            Duration::try_from_secs_f64(max_wait_s).map_err(|error| invalid("max_wait_s", error))?;
+        let max_wait = Duration::try_from_secs_f64(max_wait_s)
+            .map_err(|_| invalid("max_wait_s", "a number of seconds >= 0", max_wait_s))?;
         let ttl = Duration::from_secs(u64::from(ttl_s));
         let client = CurriculumClient {
             shared: SharedQueue::default(),

@@ -9,7 +9,7 @@ use ureq::http::Method;
 
 use super::error::{curriculum_error, deadline};
 use super::http_client::{HttpClient, RequestError, TIMED_OUT, is_loopback_url};
-use crate::errors::invalid;
+use crate::errors::{invalid, rejected};
 
 /// Interval at which a waiting thread lets Python handle signals.
 const REQUEST_POLL_INTERVAL: Duration = Duration::from_millis(100);
@@ -46,13 +46,14 @@ impl NativeHttpClient {
         max_wait_s: f64,
         wait_for_server: bool,
     ) -> PyResult<String> {
-        let verb = Method::from_bytes(method.as_bytes()).map_err(|error| invalid("method", error))?;
+        let verb =
+            Method::from_bytes(method.as_bytes()).map_err(|_| invalid("method", "an HTTP method", method))?;
         let until = deadline("max_wait_s", max_wait_s)?;
         loop {
             match self.send(py, &verb, path, body)? {
                 Ok(value) => return Ok(value.to_string()),
                 Err(RequestError::Rejected { status: 0, message, .. }) => {
-                    return Err(invalid("url", message));
+                    return Err(rejected("url", message));
                 }
                 Err(RequestError::Rejected { status, message, .. }) => {
                     return Err(curriculum_error(format!("{method} {path}: {status}: {message}")));
@@ -64,7 +65,9 @@ impl NativeHttpClient {
                 }
                 Err(RequestError::Unavailable { status: None, message, .. }) => {
                     let url = self.0.base_url();
-                    return Err(curriculum_error(format!("no server answers at {url}: {message}")));
+                    return Err(curriculum_error(format!(
+                        "no server answers at {url}: {message}; start one with `sparring serve`"
+                    )));
                 }
                 Err(RequestError::Unavailable { status: Some(status), kind, message, retry_after }) => {
                     // A request that the server may have executed must not be executed twice.
@@ -105,7 +108,9 @@ impl NativeHttpClient {
                 Ok(response) => return Ok(response),
                 Err(mpsc::RecvTimeoutError::Timeout) => py.check_signals()?,
                 Err(mpsc::RecvTimeoutError::Disconnected) => {
-                    return Err(curriculum_error("the request thread failed".to_owned()));
+                    return Err(curriculum_error(
+                        "the thread of the request ended without a response".to_owned(),
+                    ));
                 }
             }
         }
