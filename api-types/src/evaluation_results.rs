@@ -25,6 +25,16 @@ impl SuiteSection {
             Self::All => "all",
         }
     }
+
+    /// Label of the part in tables and pictures.
+    #[must_use]
+    pub const fn label(self) -> &'static str {
+        match self {
+            Self::Contested => "contested",
+            Self::AsTheyCome => "unfiltered",
+            Self::All => "all",
+        }
+    }
 }
 
 /// Estimates for one policy on one part of one task.

@@ -1,4 +1,4 @@
-//! Draws the shares of successes of an evaluation with their intervals, one panel per task.
+//! Draws the success rates of an evaluation with their intervals, one panel per task.
 
 use api_types::{Estimate, EvaluationEstimates, SuiteSection};
 use orchestrator::evaluation::EvaluationReport;
@@ -14,19 +14,21 @@ const PANEL_WIDTH: u32 = 300;
 const ROW: u32 = 22;
 /// Width of the policy names on the left, in pixels.
 const NAMES: u32 = 96;
-/// Height of the title above a panel, in pixels.
-const HEAD: u32 = 26;
+/// Height of the title and the legend of the picture, in pixels.
+const LEGEND: u32 = 46;
+/// Height of the caption of a panel, in pixels: that of a text of size 13.
+const HEAD: u32 = 20;
 /// Height of the axis below a panel, in pixels.
-const FOOT: u32 = 40;
+const FOOT: u32 = 30;
 
 const INK: RGBColor = RGBColor(60, 60, 60);
 const PALE: RGBColor = RGBColor(225, 225, 225);
-/// Parts of a suite with their colours: contested scenarios, then those drawn without selection.
+/// Parts of a suite with their colours: contested scenarios, then unfiltered ones.
 const PARTS: [(SuiteSection, RGBColor); 2] =
     [(SuiteSection::Contested, RGBColor(214, 39, 40)), (SuiteSection::AsTheyCome, RGBColor(31, 119, 180))];
 
-/// Draws an SVG document with one panel per task and one row per policy. Each row shows the share of successes with its
-/// interval, on contested scenarios and on those drawn without selection.
+/// Draws an SVG document with one panel per task and one row per policy. Each row shows the success rate with its
+/// interval, on contested and on unfiltered scenarios.
 ///
 /// # Errors
 /// Returns the message of the drawing backend if it fails.
@@ -46,11 +48,11 @@ pub(super) fn draw(report: &EvaluationReport) -> Result<String, String> {
     let part = HEAD + ROW * u32::try_from(policies.len()).unwrap_or(1) + FOOT;
     let mut text = String::new();
     {
-        let root = SVGBackend::with_string(&mut text, (NAMES + PANEL_WIDTH * wide, part * high + HEAD))
+        let root = SVGBackend::with_string(&mut text, (NAMES + PANEL_WIDTH * wide, part * high + LEGEND))
             .into_drawing_area();
         let message = |error: DrawingAreaErrorKind<std::io::Error>| error.to_string();
         root.fill(&WHITE).map_err(message)?;
-        let (head, rest) = root.split_vertically(HEAD);
+        let (head, rest) = root.split_vertically(LEGEND);
         legend(&head, report).map_err(message)?;
         let (names, parts) = rest.split_horizontally(NAMES);
         for lines in names.split_evenly((high as usize, 1)) {
@@ -74,14 +76,14 @@ pub(super) fn draw(report: &EvaluationReport) -> Result<String, String> {
 }
 
 fn legend(area: &SvgArea<'_>, report: &EvaluationReport) -> DrawResult {
-    let words = format!("{}: share of successes, {:.0} % intervals", report.suite, 100.0 * report.confidence);
+    let words = format!("{}: success rate with {:.0} % intervals", report.suite, 100.0 * report.confidence);
     let style = || ("sans-serif", 13).into_font().color(&INK).pos(Pos::new(HPos::Left, VPos::Center));
-    area.draw(&Text::new(words.clone(), (8, 13), style()))?;
-    let mut x = 24 + 7 * i32::try_from(words.chars().count()).unwrap_or(0);
+    area.draw(&Text::new(words, (8, 13), style()))?;
+    let mut x = 14;
     for (part, color) in PARTS {
-        area.draw(&Circle::new((x, 13), 4, color.filled()))?;
-        let label = part.as_str().replace('_', " ");
-        area.draw(&Text::new(label.clone(), (x + 10, 13), style()))?;
+        area.draw(&Circle::new((x, 33), 4, color.filled()))?;
+        let label = part.label();
+        area.draw(&Text::new(label, (x + 10, 33), style()))?;
         x += 40 + 7 * i32::try_from(label.len()).unwrap_or(0);
     }
     Ok(())
@@ -93,7 +95,7 @@ fn draw_task(task: &str, rows: &[&EvaluationEstimates], policies: &[&str], area:
         .margin_right(10)
         .margin_left(6)
         .caption(task, ("sans-serif", 13).into_font().color(&INK))
-        .x_label_area_size(FOOT - 12)
+        .x_label_area_size(FOOT)
         .build_cartesian_2d(0.0..1.0, count..0.0)?;
     chart
         .configure_mesh()
@@ -104,6 +106,8 @@ fn draw_task(task: &str, rows: &[&EvaluationEstimates], policies: &[&str], area:
         .axis_style(PALE)
         .label_style(("sans-serif", 10).into_font().color(&INK))
         .x_labels(6)
+        .x_desc("success rate")
+        .axis_desc_style(("sans-serif", 11).into_font().color(&INK))
         .draw()?;
     for (at, policy) in policies.iter().enumerate() {
         for (number, (part, color)) in PARTS.into_iter().enumerate() {

@@ -76,7 +76,7 @@ fn title(task: Option<&str>) -> &str {
 
 /// Returns the label of a part.
 fn part_label(scenarios: usize, part: SuiteSection) -> String {
-    format!("{scenarios} {}", part.as_str().replace('_', " "))
+    format!("{scenarios} {}", part.label())
 }
 
 fn part_cells(rows: &[EvaluationEstimates]) -> Vec<[String; 8]> {

@@ -8,7 +8,7 @@ use plotters::prelude::*;
 use crate::plot::{DrawResult, SvgArea};
 use orchestrator::clock::{Millis, rfc3339};
 
-const SIZE: (u32, u32) = (560, 190);
+const SIZE: (u32, u32) = (560, 210);
 const INK: RGBColor = RGBColor(60, 60, 60);
 const PALE: RGBColor = RGBColor(228, 228, 228);
 /// Palette of Okabe & Ito (2008), which is safe for colour-blind readers.
@@ -34,7 +34,7 @@ pub(super) struct Interval {
     pub(super) high: f64,
 }
 
-/// Mark of a level move on the time axis.
+/// Triangle on the time axis at a level move.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LevelMark {
     /// Time of the move.
@@ -50,6 +50,8 @@ pub(super) struct Chart<'a> {
     pub(super) times: &'a [Millis],
     /// Time range of the chart.
     pub(super) range: Range<Millis>,
+    /// Label of the value axis, with its unit.
+    pub(super) value_label: &'a str,
     /// Range of the value axis; by default the range of the values with a margin.
     pub(super) limits: Option<Interval>,
     /// Values of the dashed horizontal lines.
@@ -87,8 +89,12 @@ impl Ranged for TimeAxis {
 impl ValueFormatter<Millis> for TimeAxis {
     fn format_ext(&self, value: &Millis) -> String {
         let text = rfc3339(*value); // 2026-01-31T12:00:00.000Z
-        let (day, time) = (text.get(5..10).unwrap_or_default(), text.get(11..16).unwrap_or_default());
-        if self.0.end - self.0.start > 3 * 86_400_000 { day.to_owned() } else { format!("{day} {time}") }
+        let part = |range: Range<usize>| text.get(range).unwrap_or_default();
+        match self.0.end - self.0.start {
+            length if length > 3 * 86_400_000 => part(5..10).to_owned(),
+            length if length > 8 * 60_000 => format!("{} {}", part(5..10), part(11..16)),
+            _ => part(11..19).to_owned(),
+        }
     }
 }
 
@@ -101,7 +107,7 @@ impl Chart<'_> {
         let mut text = String::new();
         {
             let root = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
-            self.draw_on(&root).map_err(|error| anyhow::anyhow!("a picture: {error}"))?;
+            self.draw_on(&root).map_err(|error| anyhow::anyhow!("a chart cannot be drawn: {error}"))?;
         }
         Ok(text)
     }
@@ -111,8 +117,8 @@ impl Chart<'_> {
         let mut chart = ChartBuilder::on(root)
             .margin(6)
             .margin_right(34) // half of the last label
-            .x_label_area_size(20)
-            .y_label_area_size(38)
+            .x_label_area_size(36)
+            .y_label_area_size(52)
             .build_cartesian_2d(TimeAxis(self.range.clone()), low..high)?;
         chart
             .configure_mesh()
@@ -120,7 +126,11 @@ impl Chart<'_> {
             .bold_line_style(PALE)
             .axis_style(PALE)
             .label_style(("sans-serif", 11).into_font().color(&INK))
+            .axis_desc_style(("sans-serif", 12).into_font().color(&INK))
+            .x_desc("time (UTC)")
+            .y_desc(self.value_label)
             .y_labels(5)
+            .y_label_formatter(&|value: &f64| ((value * 1e6).round() / 1e6).to_string())
             .draw()?;
         for threshold in self.thresholds {
             let ends = [(self.range.start, *threshold), (self.range.end, *threshold)];

@@ -25,7 +25,7 @@ use store::task_counters::TaskCounters;
 /// Number of points of a curve.
 const CURVE_POINTS: i64 = 240;
 /// Largest number of listed layouts: those that the agent fails most often.
-const MAX_LAYOUTS: usize = 12;
+pub(super) const MAX_LAYOUTS: usize = 12;
 /// Rows read at a time. Of layouts and evaluations, only the newest page is read.
 const PAGE_SIZE: i64 = 500;
 

@@ -11,7 +11,7 @@ use store::from_json;
 use store::history::{HistoryBucket, HistoryPoint};
 
 use super::chart::{BLUE, Chart, Curve, GREEN, Interval, LevelMark, MAUVE, ORANGE};
-use super::gather::{EvaluationResult, RunReport, TaskReport};
+use super::gather::{EvaluationResult, MAX_LAYOUTS, RunReport, TaskReport};
 use super::rose::rose;
 
 const STYLE: &str = "\
@@ -22,7 +22,7 @@ border-bottom:1px solid #d9dee6;vertical-align:top}th{color:#566273;font-size:.8
 .pictures{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(32rem,100%),1fr));gap:1rem}figure{margin:0}\
 figcaption{font-size:.9rem;color:#566273}.say{min-width:14rem}svg{max-width:100%;height:auto}svg text{font-size:12px;fill:#566273}\
 .foreign{unicode-bidi:isolate;overflow-wrap:anywhere}pre{overflow-x:auto;background:#eef1f5;padding:.6rem}\
-.wide{overflow-x:auto}b.key{display:inline-block;width:.8em;height:.8em;margin:0 .3em 0 .8em}@media print{h2{break-after:avoid}figure{break-inside:avoid}}";
+.wide{overflow-x:auto}b.key{display:inline-block;width:.8em;height:.8em;margin-right:.3em}span.key{margin-left:.8em;white-space:nowrap}@media print{h2{break-after:avoid}figure{break-inside:avoid}}";
 
 /// Renders the whole page.
 ///
@@ -50,7 +50,7 @@ pub(super) fn render(report: &RunReport) -> anyhow::Result<String> {
                 h2 { "Rules of the curriculum" }
                 p { (report.explanation.summary) }
                 ul { @for rule in &report.explanation.rules { li { (rule) } } }
-                details { summary { "All settings" } pre { (serde_json::to_string_pretty(&settings)?) } }
+                details { summary { "Settings (JSON)" } pre { (serde_json::to_string_pretty(&settings)?) } }
             }
         }
     };
@@ -66,8 +66,8 @@ fn head(report: &RunReport) -> Markup {
             ", policy version " (report.row.policy_version) "; " (report.episodes) " episodes. As of " (rfc3339(report.now)) "; all times are UTC."
         }
         div .wide { table {
-            thead { tr { th { "Task" } th .n { "Level" } th { "Mastery of the level, 10 % to 90 %" } th .n { "Training episodes" } th .n { "Success" }
-                th .n { "Score" } th .n { "Skill" } th { "Current state" } } }
+            thead { tr { th { "Task" } th .n { "Level" } th { "Mastery at current level (10 % to 90 % quantile)" } th .n { "Training episodes" } th .n { "Success rate" }
+                th .n { "Mean score" } th .n { "Mean skill" } th { "Current state" } } }
             tbody {
                 @for task in &report.tasks {
                     tr {
@@ -88,9 +88,9 @@ fn head(report: &RunReport) -> Markup {
 
 fn posterior(task: &TaskReport) -> String {
     match &task.mastery {
-        Some(m) => format!("{:.2}, {:.2} to {:.2}, of {} scenarios", m.mean, m.q10, m.q90, m.n),
+        Some(m) => format!("{:.2} ({:.2} to {:.2}), {} scenarios", m.mean, m.q10, m.q90, m.n),
         // A level without results has the prior.
-        None if task.status.level.is_some() => "0.50, 0.10 to 0.90, of no scenario yet".to_owned(),
+        None if task.status.level.is_some() => "0.50 (0.10 to 0.90), no scenarios yet".to_owned(),
         None => "–".to_owned(),
     }
 }
@@ -107,8 +107,9 @@ fn task_section(report: &RunReport, task: &TaskReport) -> anyhow::Result<Markup>
         task.points.iter().map(|point| value(&point.bucket)).collect::<Vec<_>>()
     };
     let plain = |name, colour, values| Curve { name, colour, values, intervals: None };
-    let draw = |limits, thresholds: &[f64], marks: &[_], curves: &[Curve]| {
-        Chart { times: &times, range: report.range.clone(), limits, thresholds, marks, curves }.draw()
+    let draw = |value_label: &str, limits, thresholds: &[f64], marks: &[_], curves: &[Curve]| {
+        let range = report.range.clone();
+        Chart { times: &times, range, value_label, limits, thresholds, marks, curves }.draw()
     };
     // Only the ladder moves by these thresholds.
     let thresholds: &[f64] = if report.explanation.strategy == "ladder" { &[0.3, 0.7] } else { &[] };
@@ -121,7 +122,7 @@ fn task_section(report: &RunReport, task: &TaskReport) -> anyhow::Result<Markup>
             values: of(&|p| p.mastery.map(|s| s.mean)),
             intervals: Some(intervals),
         },
-        plain("contested", GREEN, of(&|p| ratio(p.success_rate_sum, p.contested_groups))),
+        plain("contested scenarios", GREEN, of(&|p| ratio(p.success_rate_sum, p.contested_groups))),
         plain("all episodes", ORANGE, of(&|p| ratio(p.successes as f64, p.episodes))),
         plain("blind panel", MAUVE, of(&|p| ratio(p.panel_success_rate_sum, p.panel_groups))),
     ];
@@ -132,16 +133,22 @@ fn task_section(report: &RunReport, task: &TaskReport) -> anyhow::Result<Markup>
     ];
     let mut pictures = vec![
         (
-            "Success on contested scenarios",
-            legend(&mastery),
-            draw(Some(Interval { low: 0.0, high: 1.0 }), thresholds, &marks, &mastery)?,
+            "Mastery and success".to_owned(),
+            html! { (legend(&mastery)) (marks_legend(&marks, thresholds)) },
+            draw("success rate", Some(Interval { low: 0.0, high: 1.0 }), thresholds, &marks, &mastery)?,
         ),
-        ("Level and its moves", legend(&level), draw(None, &[], &marks, &level)?),
-        ("Skill and score", legend(&skill), draw(None, &[], &[], &skill)?),
+        (
+            "Level".to_owned(),
+            html! { (legend(&level)) (marks_legend(&marks, &[])) },
+            draw("level", Some(level_limits(&level)), &[], &marks, &level)?,
+        ),
+        ("Mean skill and score".to_owned(), legend(&skill), draw("skill, score", None, &[], &[], &skill)?),
     ];
     let params = param_curves(task);
     for (name, curve) in &params {
-        pictures.push((name, html! {}, draw(None, &[], &[], std::slice::from_ref(curve))?));
+        let title = format!("Param {name}");
+        let curve = std::slice::from_ref(curve);
+        pictures.push((title, legend(curve), draw(&param_label(task, name), None, &[], &[], curve)?));
     }
     Ok(html! {
         h2 { (task.spec.id()) }
@@ -149,7 +156,7 @@ fn task_section(report: &RunReport, task: &TaskReport) -> anyhow::Result<Markup>
         @else {
             div .pictures {
                 @for (title, legend, picture) in &pictures {
-                    figure { (PreEscaped(picture)) figcaption { (title.replace('_', " ")) " " (legend) } }
+                    figure { (PreEscaped(picture)) figcaption { strong { (title.replace('_', " ")) } " " (legend) } }
                 }
             }
         }
@@ -158,8 +165,35 @@ fn task_section(report: &RunReport, task: &TaskReport) -> anyhow::Result<Markup>
     })
 }
 
+/// Returns the range of the axis of a level: at least levels 0 to 4, so that its labels are whole numbers.
+fn level_limits(curves: &[Curve]) -> Interval {
+    let levels = curves.iter().flat_map(|curve| curve.values.iter().flatten().copied());
+    Interval { low: 0.0, high: levels.fold(3.0, f64::max) + 1.0 }
+}
+
+/// Returns the names of the curves, each beside its colour.
 fn legend(curves: &[Curve]) -> Markup {
-    html! { @for curve in curves { b .key style={ "background:rgb(" (curve.colour.0) "," (curve.colour.1) "," (curve.colour.2) ")" } {} (curve.name) } }
+    html! { @for curve in curves {
+        span .key {
+            b .key style={ "background:rgb(" (curve.colour.0) "," (curve.colour.1) "," (curve.colour.2) ")" } {} (curve.name)
+            @if curve.intervals.is_some() { " (band: 10 % to 90 % quantile)" }
+        } " "
+    } }
+}
+
+/// Returns the legend of the triangles and of the dashed lines, if the chart has any.
+fn marks_legend(marks: &[LevelMark], thresholds: &[f64]) -> Markup {
+    html! {
+        @if !marks.is_empty() { span .key { "▲ level up or placed" } " " span .key { "▼ level down" } " " }
+        @if !thresholds.is_empty() { span .key { "╌ thresholds of the ladder" } }
+    }
+}
+
+/// Returns the label of a param's axis: its name and unit.
+fn param_label(task: &TaskReport, name: &str) -> String {
+    let unit = task.spec.params().iter().find(|spec| spec.name == name).map_or("", |spec| spec.unit);
+    let name = name.replace('_', " ");
+    if unit.is_empty() { name } else { format!("{name} ({unit})") }
 }
 
 /// Returns the curves of the params that changed, as means over each point.
@@ -174,14 +208,14 @@ fn param_curves(task: &TaskReport) -> Vec<(&str, Curve)> {
         let mut values = values.iter().flatten();
         values.next().is_some_and(|first| values.any(|value| (value - first).abs() > 1e-9))
     });
-    let curve = |values| Curve { name: "mean", colour: BLUE, values, intervals: None };
+    let curve = |values| Curve { name: "mean of the scenarios", colour: BLUE, values, intervals: None };
     known.into_iter().map(|(name, values)| (name, curve(values))).collect()
 }
 
 fn level_moves(task: &TaskReport) -> Markup {
     html! {
         @if !task.moves.is_empty() {
-            details { summary { "Level moves and their evidence (" (task.moves.len()) ")" }
+            details { summary { "Level moves with their evidence (" (task.moves.len()) ")" }
                 ol { @for row in &task.moves { li { (rfc3339(row.at)) ": " (row.kind) " to level " (row.to_level) ". " (evidence_sentence(&row.evidence)) } } }
             }
         }
@@ -215,7 +249,7 @@ fn failure_modes(task: &TaskReport) -> Markup {
         @if !modes.is_empty() {
             h3 { "Failure modes" }
             div .wide { table {
-                thead { tr { th { "Failure" } th .n { "Count" } th .n { "Avoidable" } th { "Description" } } }
+                thead { tr { th { "Failure mode" } th .n { "Failures" } th .n { "Avoidable" } th { "Description" } } }
                 tbody { @for (mode, n) in &modes {
                     tr { td { (mode.name.replace('_', " ")) } td .n { (n) } td .n { (percent(avoidable(mode.name))) } td .say { (mode.description) } }
                 } }
@@ -229,9 +263,9 @@ fn layouts(report: &RunReport) -> Markup {
     html! {
         @if !report.layouts.is_empty() {
             h2 { "Designed layouts" }
-            p .soft { "The layouts with the lowest success rates, of the newest ones with episodes." }
+            p .soft { "The table lists up to " (MAX_LAYOUTS) " of the newest layouts with episodes. Layouts with the lowest success rates are first." }
             div .wide { table {
-                thead { tr { th { "Layout" } th { "Task" } th { "Aim" } th { "Designer" } th { "State" } th .n { "Episodes" } th .n { "Success" } } }
+                thead { tr { th { "Layout" } th { "Task" } th { "Aim" } th { "Designer" } th { "State" } th .n { "Episodes" } th .n { "Success rate" } } }
                 tbody { @for row in &report.layouts {
                     tr {
                         td .foreign { (row.name) } td { (row.task) }
@@ -249,14 +283,14 @@ fn evaluations(report: &RunReport) -> Markup {
     html! {
         @if !report.evaluations.is_empty() {
             h2 { "Evaluations" }
-            p .soft { "On frozen suites, with 95 % intervals over scenarios, compared with the blind panel." }
+            p .soft { "Results on frozen suites of held-out scenarios: mean [95 % interval over scenarios]. The blind panel is the baseline." }
             @for EvaluationResult { evaluation, rows } in &report.evaluations {
                 h3 .foreign { (evaluation.name) }
-                p .soft { (evaluation.suite) @if let Some(version) = evaluation.policy_version { ", version " (version) } ", " (evaluation.rollouts) " episodes of each scenario" }
+                p .soft { (evaluation.suite) @if let Some(version) = evaluation.policy_version { ", policy version " (version) } ", episodes per scenario: " (evaluation.rollouts) }
                 div .wide { table {
-                    thead { tr { th { "Task" } th { "Scenarios" } th { "Policy" } th { "Success" } th { "Score" } th { "Skill" } } }
+                    thead { tr { th { "Task" } th { "Scenarios" } th { "Policy" } th { "Success rate" } th { "Score" } th { "Skill" } } }
                     tbody { @for of in rows {
-                        tr { td { (of.task) } td { (of.scenarios) " " (of.part.as_str().replace('_', " ")) } td .foreign { @if of.policy == "blind_panel" { "blind panel" } @else { (of.policy) } }
+                        tr { td { (of.task) } td { (of.scenarios) " " (of.part.label()) } td .foreign { @if of.policy == "blind_panel" { "blind panel" } @else { (of.policy) } }
                             td { (format_estimate(of.success)) } td { (format_estimate(of.score)) } td { (format_estimate(of.skill)) } }
                     } }
                 } }

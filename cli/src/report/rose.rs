@@ -6,8 +6,8 @@ use maud::{Markup, html};
 use store::failures::{EncounterBin, FailureCell};
 
 const SIZE: f64 = 240.0;
-/// Width reserved for the label on the right.
-const LABEL_WIDTH: f64 = 40.0;
+/// Width reserved for a label on each side.
+const LABEL_WIDTH: f64 = 64.0;
 const INNER: f64 = 20.0;
 const OUTER: f64 = 96.0;
 
@@ -20,25 +20,30 @@ pub(super) fn rose(mode: &str, cells: &[FailureCell], bands: &SpeedBands) -> Mar
         .collect();
     let Some(highest) = met.iter().map(|(_, count)| *count).max() else { return html! {} };
     let rings = bands.edges.len() + 1;
-    let words = format!("{mode}, by bearing and relative speed");
+    let title = format!("{}: failures by bearing and relative speed", mode.replace('_', " "));
     html! {
         figure {
-            svg viewBox={ "0 0 " (SIZE + LABEL_WIDTH) " " (SIZE) } width=(SIZE + LABEL_WIDTH) height=(SIZE) role="img" aria-label=(words) {
-                g transform={ "translate(" (SIZE / 2.0) " " (SIZE / 2.0) ")" } {
+            svg viewBox={ "0 0 " (SIZE + 2.0 * LABEL_WIDTH) " " (SIZE) } width=(SIZE + 2.0 * LABEL_WIDTH) height=(SIZE) role="img" aria-label=(title) {
+                g transform={ "translate(" (SIZE / 2.0 + LABEL_WIDTH) " " (SIZE / 2.0) ")" } {
                     @for sector in 0..BEARING_SECTORS {
                         @for band in 0..rings {
                             @let count = count_of(&met, sector, band);
                             path d=(wedge(sector, band, rings)) fill=(shade(count, highest)) stroke="#d9dee6" {
-                                title { (count) " from " (sector * 30) "°, " (speed(band, bands)) }
+                                title { (count) " failures, bearing " (sector * 30) "°, relative speed " (speed(band, bands)) }
                             }
                         }
                     }
                     text y=(-OUTER - 6.0) text-anchor="middle" { "radial out" }
-                    text x=(OUTER + 4.0) y="4" { "in-track" }
+                    text y=(OUTER + 16.0) text-anchor="middle" { "radial in" }
+                    text x=(OUTER + 4.0) y="4" { "+ in-track" }
+                    text x=(-OUTER - 4.0) y="4" text-anchor="end" { "− in-track" }
                 }
             }
-            figcaption { (mode.replace('_', " ")) ": bearing and relative speed (" (rings) " bands from the centre outwards, the last from "
-                (bands.edges.last().copied().unwrap_or_default()) " " (bands.unit) ")" }
+            figcaption {
+                strong { (title) } ". Rings, from the centre: "
+                @for band in 0..rings { @if band > 0 { "; " } (speed(band, bands)) }
+                ". Colour: white is 0 failures, orange is " (highest) "."
+            }
         }
     }
 }

@@ -19,7 +19,7 @@ pub(super) fn draw_title(canvas: &mut SvgCanvas, layout: LayoutView<'_>, scene: 
     let name = truncate_to_width(layout.name, width, 20.0);
     canvas.text((MARGIN, 30.0), TextStyle::new(20.0).bold(), &name);
     let subtitle = match &scene.design {
-        None => "without a design; debris that hits holding satellites is shown".to_owned(),
+        None => "without a design; shows the debris that hits holding satellites".to_owned(),
         Some(design) => {
             let kind = if has_threat(design) { LayoutKind::Threat } else { LayoutKind::Decoy };
             format!("{}, aimed at {}", kind.as_str(), aim_text(design))
@@ -44,12 +44,12 @@ fn scenario_text(layout: LayoutView<'_>) -> String {
     });
     let bracket = layout.bracket;
     format!(
-        "{} · {} · hold {:.3} → reference {:.3} (floor {:.3})",
+        "{} · {} · scores: hold {:.3}, floor {:.3}, reference {:.3}",
         recipe.task().id(),
         params.collect::<Vec<_>>().join(", "),
         bracket.hold_score(),
-        bracket.reference.score,
-        bracket.floor
+        bracket.floor,
+        bracket.reference.score
     )
 }
 
@@ -76,8 +76,8 @@ impl Legend<'_> {
     fn add_satellites(&mut self, scene: &Scene) {
         for (satellite, colour) in SATELLITE_COLOURS.iter().enumerate() {
             let text = scene.lost[satellite].map_or_else(
-                || format!("satellite {satellite}: holding, survives"),
-                |step| format!("satellite {satellite}: holding, lost at step {step}"),
+                || format!("satellite {satellite}: holds, survives"),
+                |step| format!("satellite {satellite}: holds, lost at step {step}"),
             );
             self.entry(&text, |canvas, x, y| {
                 canvas.line(&[(x + 8.0, y), (x + 34.0, y)], Stroke::new(colour, 2.2));
@@ -87,13 +87,13 @@ impl Legend<'_> {
         let dashed = Stroke::new(TEXT, 1.6).dashes("3 4");
         let burns = match scene.reference.burns.len() {
             0 => {
-                self.line_entry("reference plan: holds too", dashed);
+                self.line_entry("reference plan: holds", dashed);
                 return;
             }
-            1 => "its burn".to_owned(),
-            count => format!("its {count} burns"),
+            1 => "burn of the reference plan".to_owned(),
+            count => format!("{count} burns of the reference plan"),
         };
-        self.line_entry("reference plan of the planner", dashed);
+        self.line_entry("path by the reference plan", dashed);
         self.entry(&burns, |canvas, x, y| {
             let arrow = Arrow { from: (x + 8.0, y), to: (x + 30.0, y) };
             canvas.arrow(arrow, 6.0, Stroke::new(BURN_COLOUR, 1.6));
@@ -106,14 +106,14 @@ impl Legend<'_> {
             let of_kind = || scene.passes.iter().filter(move |pass| pass.encounter.kind == kind);
             let (name, colour) = (kind.as_str(), kind_colour(kind));
             if of_kind().any(|pass| !pass.encounter.is_rogue) {
-                self.entry(&format!("{name}: from its start to its encounter"), |canvas, x, y| {
+                self.entry(&format!("{name}: from start to encounter"), |canvas, x, y| {
                     canvas.circle((x + 4.0, y), 2.2, colour, None);
                     canvas.line(&[(x + 4.0, y), (x + 14.0, y)], Stroke::new(colour, 0.9).opacity(0.4));
                     canvas.line(&[(x + 14.0, y), (x + 34.0, y)], Stroke::new(colour, 2.0));
                 });
             }
             if of_kind().any(|pass| pass.encounter.is_rogue) {
-                self.entry(&format!("rogue {name}: from where it appears"), |canvas, x, y| {
+                self.entry(&format!("rogue {name}: from its appearance"), |canvas, x, y| {
                     draw_star(canvas, (x + 6.0, y), colour);
                     canvas.line(&[(x + 6.0, y), (x + 34.0, y)], Stroke::new(colour, 2.0).dashes("5 3"));
                 });
@@ -124,17 +124,17 @@ impl Legend<'_> {
     /// Adds the marks that help to read the picture.
     fn add_marks(&mut self, scene: &Scene) {
         if scene.aimed_pass().is_some_and(|(aim, _)| aim.bearing_deg.is_some()) {
-            self.entry("aim: sector of the aimed bearing", |canvas, x, y| {
+            self.entry("aim: sector of bearings", |canvas, x, y| {
                 let outline = [(x + 4.0, y), (x + 34.0, y - 6.0), (x + 34.0, y + 6.0)];
                 canvas.area(&outline, AIM_COLOUR, 0.2, Some(Stroke::new(AIM_COLOUR, 1.0).opacity(0.7)));
             });
         }
         if !scene.passes.is_empty() {
-            self.entry("line of sight for its bearing", |canvas, x, y| {
+            self.entry("bearing: line of sight", |canvas, x, y| {
                 canvas.line(&[(x + 4.0, y), (x + 30.0, y)], Stroke::new(TEXT, 1.0).dashes("2 3"));
                 canvas.circle((x + 30.0, y), 4.2, "none", Some(Stroke::new(TEXT, 1.4)));
             });
-            self.entry("nearer than 2 LU is a contact", |canvas, x, y| {
+            self.entry("contact distance: 2 LU", |canvas, x, y| {
                 canvas.circle((x + 20.0, y), 6.0, "none", Some(Stroke::new(TEXT, 0.8).opacity(0.7)));
             });
         }
@@ -144,7 +144,7 @@ impl Legend<'_> {
             self.line_entry(&text, Stroke::new(TEXT, 1.2).opacity(0.6).dashes("1 5"));
         }
         if !scene.background.is_empty() {
-            let text = format!("background: {} pieces", scene.background.len());
+            let text = format!("background debris: {}", scene.background.len());
             self.entry(&text, |canvas, x, y| {
                 canvas.dots(&[(x + 8.0, y), (x + 19.0, y - 3.0), (x + 30.0, y + 2.0)], Stroke::new(DIM, 2.4));
             });
@@ -164,18 +164,20 @@ pub(super) fn draw_legend(canvas: &mut SvgCanvas, scene: &Scene, corner: Point) 
 /// Column of the table of encounters, aligned to the right.
 struct Column {
     title: &'static str,
+    /// Unit, below the title; empty if the cells have it or there is none.
+    unit: &'static str,
     /// Right end, as a share of the width of the table.
     right: f64,
 }
 
 /// Columns before the kind.
 const COLUMNS: [Column; 6] = [
-    Column { title: "#", right: 0.05 },
-    Column { title: "sat", right: 0.15 },
-    Column { title: "step", right: 0.28 },
-    Column { title: "from", right: 0.42 },
-    Column { title: "LU/TU", right: 0.56 },
-    Column { title: "miss", right: 0.68 },
+    Column { title: "#", unit: "", right: 0.04 },
+    Column { title: "sat.", unit: "", right: 0.13 },
+    Column { title: "step", unit: "", right: 0.235 },
+    Column { title: "bearing", unit: "", right: 0.415 },
+    Column { title: "speed", unit: "LU/TU", right: 0.565 },
+    Column { title: "miss", unit: "LU", right: 0.685 },
 ];
 
 /// Left end of the column with the kind, as a share of the width of the table.
@@ -186,10 +188,14 @@ pub(super) fn draw_table(canvas: &mut SvgCanvas, scene: &Scene, corner: Point, w
     let (left, top) = corner;
     let mut y = top + 10.0;
     let title_style = TextStyle::new(11.0).colour(DIM);
-    for Column { title, right } in COLUMNS {
-        canvas.text((left + right * width, y), title_style.anchor(TextAnchor::End), title);
-    }
     canvas.text((left + KIND_LEFT * width, y), title_style, "kind");
+    for Column { title, unit, right } in COLUMNS {
+        canvas.text((left + right * width, y), title_style.anchor(TextAnchor::End), title);
+        if !unit.is_empty() {
+            canvas.text((left + right * width, y + 13.0), title_style.anchor(TextAnchor::End), unit);
+        }
+    }
+    y += 13.0;
     canvas.line(&[(left, y + 5.0), (left + width, y + 5.0)], Stroke::new(GRID, 1.0));
     for (index, pass) in scene.passes.iter().enumerate() {
         y += 18.0;

@@ -37,7 +37,7 @@ const MAX_INSETS: usize = 8;
 pub(super) fn draw(layout: LayoutView<'_>) -> String {
     let mut canvas = SvgCanvas::new();
     let Some(scene) = Scene::new(layout) else {
-        let message = "This layout cannot be flown: there is nothing to draw.";
+        let message = "The episode of this layout cannot start, so there is no picture.";
         canvas.text((MARGIN, 36.0), TextStyle::new(16.0), message);
         return canvas.finish((WIDTH, 60.0), layout.name);
     };
@@ -59,8 +59,7 @@ fn draw_insets(canvas: &mut SvgCanvas, scene: &Scene, top: f64) -> f64 {
     shown.sort_by_key(|index| scene.passes[*index].encounter.step);
     shown.truncate(MAX_INSETS);
     shown.sort_unstable();
-    let caption =
-        "Approach as seen from the satellite over the last six steps (satellite fixed in the middle):";
+    let caption = "Approach of the debris in the last six steps, relative to the satellite in the middle:";
     canvas.text((MARGIN, top + 12.0), TextStyle::new(12.0).colour(DIM), caption);
     let spacing = (WIDTH - 2.0 * MARGIN - INSET_SIDE) / (INSETS_PER_ROW - 1) as f64;
     for (position, index) in shown.iter().enumerate() {

@@ -85,7 +85,8 @@ fn pictures_are_well_formed_and_small() {
         assert!(!svg.contains("NaN") && !svg.contains("inf "), "{task}");
         let texts = texts(&document);
         let bracket = example.layout.bracket();
-        let scores = format!("hold {:.3} → reference {:.3}", bracket.hold_score(), bracket.reference.score);
+        let (hold, reference) = (bracket.hold_score(), bracket.reference.score);
+        let scores = format!("hold {hold:.3}, floor {:.3}, reference {reference:.3}", bracket.floor);
         for expected in ["a layout", kind, mode, &scores, "out, 0°", "LU"] {
             assert!(texts.iter().any(|text| text.contains(expected)), "{task}: {expected:?} in {texts:?}");
         }
@@ -151,7 +152,7 @@ fn hits_are_found_without_a_design() {
     let document = Document::parse(&svg).unwrap();
     let texts = texts(&document);
     assert!(texts.iter().any(|text| text.starts_with("without a design")), "{texts:?}");
-    assert!(texts.contains(&"threat") && texts.contains(&"background: 1 pieces"), "{texts:?}");
+    assert!(texts.contains(&"threat") && texts.contains(&"background debris: 1"), "{texts:?}");
 }
 
 #[test]
@@ -161,7 +162,7 @@ fn unplayable_layout_gives_a_message() {
     Document::parse(&draw("", Some(&invalid), layout.scenario(), layout.bracket())).unwrap();
     let svg = draw("unfair", None, &unfair_scenario(), layout.bracket());
     let document = Document::parse(&svg).unwrap();
-    assert!(texts(&document)[0].contains("cannot be flown"), "{svg}");
+    assert!(texts(&document)[0].contains("cannot start"), "{svg}");
     let docking = Scenario::from_json(&json!({"task": "docking/single", "seed": 1})).unwrap();
     let view = LayoutView { name: "", design: None, scenario: &docking, bracket: layout.bracket() };
     assert_eq!(draw_layout(view), None);
