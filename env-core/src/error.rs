@@ -1,15 +1,14 @@
 //! Typed errors of the worlds. Each names the field at fault, the value found and the valid values. A field is a dotted
 //! path; indices of lists count from 0, in paths and in messages.
 
-use std::fmt::Display;
+use std::fmt::{self, Display};
 
 use crate::number_format::format_shortest;
 
 /// An invalid scenario or recipe.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum ScenarioError {
     /// A field is unknown.
-    #[error("{field} is not a known field; {}", if known.is_empty() { "there are none here".to_owned() } else { format!("known are {known}") })]
     UnknownField {
         /// Dotted path of the field.
         field: String,
@@ -17,7 +16,6 @@ pub enum ScenarioError {
         known: String,
     },
     /// A required field is missing.
-    #[error("{field} is missing: {wanted}")]
     Missing {
         /// Dotted path of the field.
         field: String,
@@ -25,7 +23,6 @@ pub enum ScenarioError {
         wanted: String,
     },
     /// A value has the wrong type.
-    #[error("{field} is {found}, but must be {wanted}")]
     WrongType {
         /// Dotted path of the field.
         field: String,
@@ -35,7 +32,6 @@ pub enum ScenarioError {
         wanted: String,
     },
     /// A number is outside its bounds.
-    #[error("{field} is {}, outside {} to {}", format_shortest(*value), format_shortest(*min), format_shortest(*max))]
     OutOfRange {
         /// Dotted path of the field.
         field: String,
@@ -47,7 +43,6 @@ pub enum ScenarioError {
         max: f64,
     },
     /// A word is not one of the choices.
-    #[error("{field} is {value:?}; choose one of {choices}")]
     UnknownChoice {
         /// Dotted path of the field.
         field: String,
@@ -57,15 +52,13 @@ pub enum ScenarioError {
         choices: String,
     },
     /// A layout contradicts the params or itself.
-    #[error("{field}: {reason}")]
     Layout {
         /// Dotted path of the field.
         field: String,
-        /// Description of the contradiction.
+        /// Description of the contradiction, as a sentence without its subject.
         reason: String,
     },
     /// The start is unfair: an agent is lost before it could act.
-    #[error("{field}: the start is not fair: {reason}")]
     Unfair {
         /// Dotted path of the body or param at fault.
         field: String,
@@ -73,6 +66,14 @@ pub enum ScenarioError {
         reason: String,
     },
 }
+
+impl fmt::Display for ScenarioError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", self.field(), self.reason())
+    }
+}
+
+impl std::error::Error for ScenarioError {}
 
 impl ScenarioError {
     /// Checks that a number is between `min` and `max`; NaN is not.
@@ -106,6 +107,26 @@ impl ScenarioError {
         }
     }
 
+    /// Reason of the error, as a sentence without its subject, the field.
+    #[must_use]
+    pub fn reason(&self) -> String {
+        match self {
+            Self::UnknownField { known, .. } if known.is_empty() => {
+                "is not a known field; this object has no fields".to_owned()
+            }
+            Self::UnknownField { known, .. } => format!("is not a known field; the known fields are {known}"),
+            Self::Missing { wanted, .. } => format!("is required: {wanted}"),
+            Self::WrongType { found, wanted, .. } => format!("must be {wanted}, got {found}"),
+            Self::OutOfRange { value, min, max, .. } => {
+                let [value, min, max] = [value, min, max].map(|number| format_shortest(*number));
+                format!("must be from {min} to {max}, got {value}")
+            }
+            Self::UnknownChoice { value, choices, .. } => format!("must be one of {choices}, got {value:?}"),
+            Self::Layout { reason, .. } => reason.clone(),
+            Self::Unfair { reason, .. } => format!("makes the start unfair: {reason}"),
+        }
+    }
+
     /// Replaces the prefix `from` of the field's path by `to`, for a scenario that is part of a larger message.
     #[must_use]
     pub fn relocate(mut self, from: &str, to: &str) -> Self {
@@ -127,13 +148,13 @@ impl ScenarioError {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum StepError {
     /// The episode has ended.
-    #[error("the episode ended at step {step}; reset to fly another")]
+    #[error("the episode ended at step {step}; reset to start another")]
     Ended {
         /// Step at which it ended.
         step: u32,
     },
     /// An entry is for an agent that does not exist.
-    #[error("agent {agent} does not exist; agents are 0 to {last}")]
+    #[error("the agent must be from 0 to {last}, got {agent}")]
     UnknownAgent {
         /// Number of the agent.
         agent: u32,
@@ -141,13 +162,13 @@ pub enum StepError {
         last: u32,
     },
     /// A value is NaN or infinite.
-    #[error("the action of agent {agent} is not a finite number")]
+    #[error("the action of agent {agent} must be finite")]
     NotFinite {
         /// Number of the agent.
         agent: u32,
     },
     /// The step has too many entries.
-    #[error("{count} actions in one step; at most {max} are taken")]
+    #[error("a step must have at most {max} actions, got {count}")]
     TooMany {
         /// Number of entries in the step.
         count: usize,
@@ -155,7 +176,7 @@ pub enum StepError {
         max: usize,
     },
     /// The number of values does not match the action space.
-    #[error("{values} values for {entries} actions; each takes {dim}")]
+    #[error("each action must have {dim} values, got {values} values for {entries} actions")]
     Shape {
         /// Number of values in the step.
         values: usize,
@@ -179,8 +200,8 @@ pub enum LogError {
     },
     /// The log has fewer steps than the episode, and no stop reason.
     #[error(
-        "the log has {steps} steps and the episode is not over; send every step, or say why it \
-         stopped: unparsable, too_long or too_late"
+        "the log has {steps} steps, but the episode is not over; send every step, or set `stopped` to unparsable, \
+         too_long or too_late"
     )]
     TooShort {
         /// Number of steps in the log.
@@ -211,6 +232,16 @@ impl LogError {
         match self {
             Self::Step { field, .. } | Self::Malformed { field, .. } => field,
             Self::TooLong { .. } | Self::TooShort { .. } => "steps",
+        }
+    }
+
+    /// Reason of the error, without the field.
+    #[must_use]
+    pub fn reason(&self) -> String {
+        match self {
+            Self::Step { source, .. } => source.to_string(),
+            Self::Malformed { reason, .. } => reason.clone(),
+            Self::TooLong { .. } | Self::TooShort { .. } => self.to_string(),
         }
     }
 

@@ -233,12 +233,12 @@ impl ActionLog {
             _ => {
                 return Err(LogError::malformed(
                     "codec",
-                    format!("{codec}.{precision} is unknown; 1 is read"),
+                    format!("unknown codec {codec} with precision {precision}; the known codec is {CODEC}"),
                 ));
             }
         };
         if dim as usize > MAX_DIM {
-            return Err(LogError::malformed("dim", format!("{dim}; at most {MAX_DIM}")));
+            return Err(LogError::malformed("dim", format!("must be at most {MAX_DIM}, got {dim}")));
         }
         let mut log = Self::new(dim as usize, precision);
         log.stopped = match stopped {
@@ -246,11 +246,14 @@ impl ActionLog {
             1 => Some(StopReason::Unparsable),
             2 => Some(StopReason::TooLong),
             3 => Some(StopReason::TooLate),
-            other => return Err(LogError::malformed("stopped", format!("{other} is unknown"))),
+            other => return Err(LogError::malformed("stopped", format!("unknown stop reason {other}"))),
         };
         let steps = u32::from_le_bytes(reader.take()?) as usize;
         if steps > MAX_LOG_STEPS {
-            return Err(LogError::malformed("steps", format!("{steps}; at most {MAX_LOG_STEPS}")));
+            return Err(LogError::malformed(
+                "steps",
+                format!("must be at most {MAX_LOG_STEPS}, got {steps}"),
+            ));
         }
         let mut values = [0.0; MAX_DIM];
         for _ in 0..steps {
@@ -267,7 +270,7 @@ impl ActionLog {
             }
             log.end_step();
         }
-        if reader.0.is_empty() { Ok(log) } else { Err(LogError::malformed("log", "bytes follow its end")) }
+        if reader.0.is_empty() { Ok(log) } else { Err(LogError::malformed("log", "has bytes after its end")) }
     }
 }
 
@@ -286,7 +289,7 @@ impl Reader<'_> {
                 self.0 = rest;
                 Ok(*head)
             }
-            None => Err(LogError::malformed("log", "it ends too early")),
+            None => Err(LogError::malformed("log", "ends too early")),
         }
     }
 }

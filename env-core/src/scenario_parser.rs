@@ -66,7 +66,7 @@ fn parse_recipe(fields: &Map<String, Value>) -> Result<Recipe, ScenarioError> {
 }
 
 fn parse_task(fields: &Map<String, Value>) -> Result<&'static dyn TaskSpec, ScenarioError> {
-    let id = read_text("task", fields.get("task"), "a task's id, as kessler/survival")?;
+    let id = read_text("task", fields.get("task"), "the id of a task, such as kessler/survival")?;
     let Some(task) = registry::task(id) else {
         return Err(ScenarioError::UnknownChoice {
             field: "task".to_owned(),
@@ -120,7 +120,7 @@ fn parse_table(field: &str, table: &Value) -> Result<Vec<Vec<f64>>, ScenarioErro
     if rows.len() > MAX_LAYOUT_ROWS {
         return Err(ScenarioError::Layout {
             field: field.to_owned(),
-            reason: format!("{} rows; at most {MAX_LAYOUT_ROWS} are taken", rows.len()),
+            reason: format!("must have at most {MAX_LAYOUT_ROWS} rows, got {}", rows.len()),
         });
     }
     let mut parsed = Vec::with_capacity(rows.len());

@@ -71,7 +71,7 @@ impl Seed {
 
 /// Description of a valid user seed in messages.
 pub const SEED_REQUIREMENT: &str =
-    "a whole number from 0 to 2251799813685247 (larger ones are kept for training and evaluation)";
+    "an integer from 0 to 2251799813685247 (larger seeds are reserved for training and evaluation)";
 
 fn invalid_seed(found: String) -> ScenarioError {
     ScenarioError::WrongType { field: "seed".to_owned(), found, wanted: SEED_REQUIREMENT.to_owned() }

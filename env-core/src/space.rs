@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::error::ScenarioError;
+use crate::number_format::format_shortest;
 
 /// Direction in which a param makes a task harder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -48,8 +49,8 @@ impl ParamSpec {
         if self.whole && libm::floor(value) != value {
             return Err(ScenarioError::WrongType {
                 field: format!("params.{}", self.name),
-                found: value.to_string(),
-                wanted: "a whole number".to_owned(),
+                found: format_shortest(value),
+                wanted: "an integer".to_owned(),
             });
         }
         Ok(value + 0.0) // −0.0 becomes 0.0, so that equal values have one canonical form
@@ -140,18 +141,23 @@ impl Levels {
         if rows.is_empty() || rows.len() > 100 {
             return Err(ScenarioError::Layout {
                 field: "levels.rows".to_owned(),
-                reason: format!("{} rows; a table has 1 to 100", rows.len()),
+                reason: format!("must have 1 to 100 rows, got {}", rows.len()),
             });
         }
         for (level, row) in rows.iter().enumerate() {
             if row.len() != columns.len() {
                 return Err(ScenarioError::Layout {
                     field: format!("levels.rows.{level}"),
-                    reason: format!("{} values for {} columns", row.len(), columns.len()),
+                    reason: format!(
+                        "must have {} values, one for each column, got {}",
+                        columns.len(),
+                        row.len()
+                    ),
                 });
             }
-            for (spec, &value) in specs.iter().zip(row) {
-                spec.check(value)?;
+            for (column, (spec, &value)) in specs.iter().zip(row).enumerate() {
+                let cell = format!("levels.rows.{level}.{column}");
+                spec.check(value).map_err(|error| error.relocate(&format!("params.{}", spec.name), &cell))?;
             }
         }
         Ok(Self { columns, rows })

@@ -242,7 +242,7 @@ pub(crate) fn check_task(task: &str, recipe: &Recipe) -> Result<(), ScenarioErro
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum BatchError {
     /// A buffer has the wrong size.
-    #[error("{buffer} holds {found} values, not {wanted}")]
+    #[error("{buffer} must have {wanted} values, got {found}")]
     Size {
         /// Name of the buffer.
         buffer: &'static str,
@@ -252,7 +252,7 @@ pub enum BatchError {
         wanted: usize,
     },
     /// A setting is out of range.
-    #[error("{field} is {value}, outside {min} to {max}")]
+    #[error("{field} must be from {min} to {max}, got {value}")]
     Config {
         /// Name of the setting.
         field: &'static str,
@@ -267,7 +267,7 @@ pub enum BatchError {
     #[error("{0}")]
     Unsupported(&'static str),
     /// An action is NaN or infinite.
-    #[error("the action of environment {env}, agent {agent} is not a finite number")]
+    #[error("the action of agent {agent} in environment {env} must be finite")]
     NotFinite {
         /// Index of the environment.
         env: usize,

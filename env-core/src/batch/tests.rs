@@ -254,7 +254,7 @@ fn failing_slot_does_not_stop_others() {
     let first = task.batch(Box::new(SeedSequence::new(Arc::clone(&bad), 5)), config).err().unwrap();
     assert_eq!(
         first.to_string(),
-        r#"environment 0: task is "kessler/formation"; choose one of kessler/survival"#
+        r#"environment 0: task must be one of kessler/survival, got "kessler/formation""#
     );
     let (results, hashes) = run(1);
     assert!(results[..49].iter().all(Result::is_ok) && results[50].is_ok());
@@ -337,20 +337,20 @@ fn invalid_input_is_rejected_without_effect() {
         assert_eq!(test.step(&actions), Err(BatchError::NotFinite { env: 1, agent: 1 }));
     }
     let error = test.step(&actions[..11]).unwrap_err();
-    assert_eq!(error.to_string(), "actions holds 11 values, not 12");
+    assert_eq!(error.to_string(), "actions must have 12 values, got 11");
     test.buffers.done.pop();
     actions[8] = 0.0;
-    assert_eq!(test.step(&actions).unwrap_err().to_string(), "done holds 1 values, not 2");
+    assert_eq!(test.step(&actions).unwrap_err().to_string(), "done must have 2 values, got 1");
     assert_eq!(test.batch.state_hash(1), before);
     let config = |envs| BatchConfig::new(envs, Autoreset::NextStep, ALL);
     let error_for =
         |envs| task.batch(Box::new(SeedSequence::new(Arc::clone(&recipe), 0)), config(envs)).err().unwrap();
-    assert_eq!(error_for(0).to_string(), "envs is 0, outside 1 to 1048576");
+    assert_eq!(error_for(0).to_string(), "envs must be from 1 to 1048576, got 0");
     assert_eq!(
         error_for(MAX_ENVS + 1),
         BatchError::Config { field: "envs", value: MAX_ENVS + 1, min: 1, max: MAX_ENVS }
     );
-    assert!(mask_error(&recipe).contains("mask holds 1 values, not 2"));
+    assert!(mask_error(&recipe).contains("mask must have 2 values, got 1"));
 }
 
 fn mask_error(recipe: &Arc<Recipe>) -> String {

@@ -40,7 +40,7 @@ pub(super) fn create_batch(
     }
     if config.mixed_tasks {
         return Err(BatchError::Unsupported(
-            "a batch of docking has one task: its tasks differ in their agents",
+            "docking supports only batches of one task: its tasks differ in their number of agents",
         ));
     }
     let (id, space) = (task.id(), task.params());

@@ -71,13 +71,13 @@ impl DockingSetup {
         if layout.mode != LayoutMode::Replace {
             return Err(ScenarioError::layout(
                 "layout.mode",
-                "it is extend, but the deputies are as many as the task says; use replace",
+                "must be replace: the task determines the number of deputies",
             ));
         }
         if rows.len() != self.deputies {
             return Err(ScenarioError::layout(
                 "layout.bodies.deputies",
-                format!("{} rows, but there are {} deputies; give all of them", rows.len(), self.deputies),
+                format!("must have {} rows, one for each deputy, got {}", self.deputies, rows.len()),
             ));
         }
         let mut start = DeputyStarts { deputies: self.deputies, states: [[0.0; STATE_DIM]; MAX_DEPUTIES] };
@@ -87,7 +87,9 @@ impl DockingSetup {
             if let Some((other, apart)) = find_too_close(&start.states[..i], &start.states[i]) {
                 return Err(ScenarioError::layout(
                     field,
-                    format!("it starts {apart:.2} m from deputy {other}, closer than {START_SEPARATION_M} m"),
+                    format!(
+                        "must start at least {START_SEPARATION_M} m from deputy {other}, got {apart:.2} m"
+                    ),
                 ));
             }
         }
@@ -154,7 +156,7 @@ fn read_deputy(field: &str, row: &[f64]) -> Result<RelativeState, ScenarioError>
     let Ok(state) = RelativeState::try_from(row) else {
         return Err(ScenarioError::layout(
             field,
-            format!("{} numbers; a deputy is x, y, z, vx, vy, vz", row.len()),
+            format!("must be a list of x, y, z, vx, vy, vz, got {} numbers", row.len()),
         ));
     };
     for (column, &value) in state.iter().enumerate() {
@@ -166,14 +168,14 @@ fn read_deputy(field: &str, row: &[f64]) -> Result<RelativeState, ScenarioError>
         return Err(ScenarioError::layout(
             field,
             format!(
-                "it starts inside the docking radius, {away:.2} m from the chief; the radius is {DOCKING_RADIUS_M} m"
+                "must start more than {DOCKING_RADIUS_M} m from the chief (the docking radius), got {away:.2} m"
             ),
         ));
     }
     if away > MAX_DISTANCE_M {
         return Err(ScenarioError::layout(
             field,
-            format!("it starts out of bounds, {away:.0} m from the chief"),
+            format!("must start at most {MAX_DISTANCE_M} m from the chief, got {away:.0} m"),
         ));
     }
     Ok(state)

@@ -140,18 +140,18 @@ fn parse_physics(recipe: &Recipe) -> Result<Physics, ScenarioError> {
     let conflict = |option: &str, with: &str, why: &str| {
         Err(ScenarioError::layout(
             format!("physics.{option}"),
-            format!("it cannot be combined with {with}: {why}"),
+            format!("cannot be combined with {with}: {why}"),
         ))
     };
     if is("contact", "swept") && is("risk", "pc") {
         return conflict(
             "contact",
             "risk: pc",
-            "pc has no destructive contacts, so contact: swept has no effect",
+            "its contacts are not destructive, so contact: swept has no effect",
         );
     }
     if physics.upstream_compat {
-        let why = "that is the public original's arithmetic, to the bit";
+        let why = "that choice reproduces the public kessler-env bit by bit";
         if physics.gravity == Gravity::J2 {
             return conflict("gravity", "compat: upstream", why);
         }

@@ -143,8 +143,8 @@ pub static KESSLER_OPTIONS: [OptionSpec; 6] = [
                 the Earth freezes: the public kessler-env's arithmetic, for replaying its episodes",
         manual_choices: &[ManualChoice {
             choice: "upstream",
-            reason: "it replays recorded episodes, and a satellite may burn more in a step than the plans it would be \
-                  judged by",
+            reason: "it is for replays of recorded episodes, in which a satellite may burn more in a step than the plans \
+                  of its bracket",
         }],
     },
     OptionSpec {

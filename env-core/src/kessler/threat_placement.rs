@@ -68,7 +68,7 @@ fn initial_body(mut satellite: Body, threat: Threat, gravity: Gravity) -> Result
     }
     let radius = body.radius();
     if radius < THREAT_START_RADII.0 || radius > THREAT_START_RADII.1 {
-        return Err(fault(&threat, &format!("it would start at radius {radius:.0} LU, outside 22 to 150")));
+        return Err(fault(&threat, &format!("its start radius must be 22 to 150 LU, got {radius:.0}")));
     }
     Ok(body)
 }
@@ -77,7 +77,7 @@ fn fault(threat: &Threat, reason: &str) -> ScenarioError {
     ScenarioError::Layout {
         field: "threat".to_owned(),
         reason: format!(
-            "a threat to satellite {} at step {} at {:.1} LU/TU cannot be placed: {reason}",
+            "to satellite {} at step {} at {:.1} LU/TU cannot be placed: {reason}",
             threat.satellite, threat.step, threat.speed
         ),
     }
@@ -96,8 +96,7 @@ fn with_debris(recipe: &Recipe, body: Body) -> Result<Recipe, ScenarioError> {
         if !layout.bodies.contains_key("debris") {
             return Err(ScenarioError::Layout {
                 field: "layout.mode".to_owned(),
-                reason: "a threat cannot be added to a layout that replaces only satellites; use extend"
-                    .to_owned(),
+                reason: "must be extend to add a threat: the layout replaces only satellites".to_owned(),
             });
         }
         // `params.debris` must equal the number of rows if the layout replaces debris.

@@ -33,7 +33,7 @@ pub const CELL_LIMIT: f32 = 2.0;
 
 /// Number of threats or look-ahead that is out of range.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{field} is {value}, outside {min} to {max}")]
+#[error("{field} must be from {min} to {max}, got {value}")]
 pub struct TracksError {
     /// Name of the argument: `k` or `look_ahead`.
     pub field: &'static str,

@@ -33,7 +33,7 @@ pub struct PolicySpec {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PolicyError {
     /// The task has no policy with this name.
-    #[error("policy {name:?} is unknown; choose one of {known}")]
+    #[error("the policy must be one of {known}, got {name:?}")]
     Unknown {
         /// Name that was requested.
         name: String,

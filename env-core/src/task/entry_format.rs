@@ -32,12 +32,12 @@ impl<const CELLS: usize> EntryFormat<CELLS> {
     pub(crate) fn read_entries(&self, step: &Value, log: &mut ActionLog) -> Result<(), LogError> {
         let Self { entry: noun, agent, value, fields, .. } = self;
         let Value::Array(entries) = step else {
-            return Err(LogError::malformed("", format!("a step is a list of {noun}s")));
+            return Err(LogError::malformed("", format!("a step must be a list of {noun}s")));
         };
         if entries.len() > MAX_ENTRIES {
             return Err(LogError::malformed(
                 "",
-                format!("{} {noun}s in one step; at most {MAX_ENTRIES} are taken", entries.len()),
+                format!("a step must have at most {MAX_ENTRIES} {noun}s, got {}", entries.len()),
             ));
         }
         for (i, entry) in entries.iter().enumerate() {
@@ -48,7 +48,10 @@ impl<const CELLS: usize> EntryFormat<CELLS> {
             };
             let number = cells[0].and_then(Value::as_u64).and_then(|id| u32::try_from(id).ok());
             let number = number.ok_or_else(|| {
-                LogError::malformed(path(0), format!("a {agent}'s number must be a whole number, 0 or more"))
+                LogError::malformed(
+                    path(0),
+                    format!("the index of a {agent} must be an integer of at least 0"),
+                )
             })?;
             let mut values = [0.0; CELLS];
             for cell in 1..CELLS {
@@ -68,16 +71,16 @@ impl<const CELLS: usize> EntryFormat<CELLS> {
         match entry {
             Value::Array(cells) => match <&[Value; CELLS]>::try_from(cells.as_slice()) {
                 Ok(cells) => Ok(cells.each_ref().map(Some)),
-                Err(_) => Err(LogError::malformed(format!(".{i}"), format!("a {noun} is {list}"))),
+                Err(_) => Err(LogError::malformed(format!(".{i}"), format!("a {noun} must be {list}"))),
             },
             Value::Object(given) => match given.keys().find(|key| !fields.contains(&key.as_str())) {
                 None => Ok(fields.map(|name| given.get(name))),
                 Some(key) => Err(LogError::malformed(
                     format!(".{i}.{}", shorten(key, MAX_FIELD_CHARS)),
-                    format!("it is not known; a {noun} has {}", fields.join(", ")),
+                    format!("unknown field of a {noun}; the known fields are {}", fields.join(", ")),
                 )),
             },
-            _ => Err(LogError::malformed(format!(".{i}"), format!("a {noun} is a list or an object"))),
+            _ => Err(LogError::malformed(format!(".{i}"), format!("a {noun} must be a list or an object"))),
         }
     }
 }

@@ -58,7 +58,10 @@ impl Recipe {
             if let Some(reserved) = spec.manual_choices.iter().find(|reserved| reserved.choice == word) {
                 return Err(ScenarioError::Layout {
                     field: format!("{PHYSICS}.{}", spec.name),
-                    reason: format!("{word} is for scenarios by hand: {}", reserved.reason),
+                    reason: format!(
+                        "must not be {word}, which only scenarios made by hand may have: {}",
+                        reserved.reason
+                    ),
                 });
             }
         }

@@ -24,31 +24,31 @@ fn layout_error(rows: &Value) -> String {
 fn errors_name_field_value_and_range() {
     let params =
         |task: &str, params: Value| scenario(&format!("docking/{task}"), &params, &Value::Null).unwrap_err();
-    insta::assert_snapshot!(params("multiagent", json!({"deputies": 6})), @"params.deputies is 6, outside 1 to 5");
-    insta::assert_snapshot!(params("multiagent", json!({"deputies": 1.5})), @"params.deputies is 1.5, but must be a whole number");
-    insta::assert_snapshot!(params("multiagent", json!({"time_limit_s": 2001})), @"params.time_limit_s is 2001, outside 20 to 2000");
-    insta::assert_snapshot!(params("multiagent", json!({"time_limit_s": 100.5})), @"params.time_limit_s is 100.5, but must be a whole number");
-    insta::assert_snapshot!(params("multiagent", json!({"thrust_bound": 0})), @"params.thrust_bound is 0, outside 0.01 to 1");
-    insta::assert_snapshot!(params("multiagent", json!({"start_radius": -1})), @"params.start_radius is -1, outside 10 to 1000");
-    insta::assert_snapshot!(params("multiagent", json!({"speed_ratio": null})), @"params.speed_ratio is null, but must be a finite number");
-    insta::assert_snapshot!(params("single", json!({"deputies": 1})), @"params.deputies is not a known field; known are start_radius, speed_ratio, time_limit_s, thrust_bound");
+    insta::assert_snapshot!(params("multiagent", json!({"deputies": 6})), @"params.deputies must be from 1 to 5, got 6");
+    insta::assert_snapshot!(params("multiagent", json!({"deputies": 1.5})), @"params.deputies must be an integer, got 1.5");
+    insta::assert_snapshot!(params("multiagent", json!({"time_limit_s": 2001})), @"params.time_limit_s must be from 20 to 2000, got 2001");
+    insta::assert_snapshot!(params("multiagent", json!({"time_limit_s": 100.5})), @"params.time_limit_s must be an integer, got 100.5");
+    insta::assert_snapshot!(params("multiagent", json!({"thrust_bound": 0})), @"params.thrust_bound must be from 0.01 to 1, got 0");
+    insta::assert_snapshot!(params("multiagent", json!({"start_radius": -1})), @"params.start_radius must be from 10 to 1000, got -1");
+    insta::assert_snapshot!(params("multiagent", json!({"speed_ratio": null})), @"params.speed_ratio must be a finite number, got null");
+    insta::assert_snapshot!(params("single", json!({"deputies": 1})), @"params.deputies is not a known field; the known fields are start_radius, speed_ratio, time_limit_s, thrust_bound");
     let far = json!([[50, 0, 0, 0, 0, 0], [0, 60, 0, 0, 0, 0]]);
     let layout = |mode: &str, table: &str| json!({"mode": mode, "bodies": {table: far}});
     let multi = |layout: &Value| scenario("docking/multiagent", &json!({"deputies": 2}), layout);
     assert!(multi(&layout("replace", "deputies")).is_ok());
-    insta::assert_snapshot!(multi(&layout("extend", "deputies")).unwrap_err(), @"layout.mode: it is extend, but the deputies are as many as the task says; use replace");
-    insta::assert_snapshot!(multi(&layout("replace", "debris")).unwrap_err(), @"layout.bodies.debris is not a known field; known are deputies");
+    insta::assert_snapshot!(multi(&layout("extend", "deputies")).unwrap_err(), @"layout.mode must be replace: the task determines the number of deputies");
+    insta::assert_snapshot!(multi(&layout("replace", "debris")).unwrap_err(), @"layout.bodies.debris is not a known field; the known fields are deputies");
 }
 
 #[test]
 fn invalid_layouts_name_the_row() {
-    insta::assert_snapshot!(layout_error(&json!([[50, 0, 0, 0, 0, 0]])), @"layout.bodies.deputies: 1 rows, but there are 2 deputies; give all of them");
-    insta::assert_snapshot!(layout_error(&json!([[50, 0, 0, 0, 0, 0], [50, 0.5, 0, 0, 0, 0]])), @"layout.bodies.deputies.1: it starts 0.50 m from deputy 0, closer than 1 m");
-    insta::assert_snapshot!(layout_error(&json!([[50, 0, 0, 0, 0, 0], [0.3, 0.4, 0, 0, 0, 0]])), @"layout.bodies.deputies.1: it starts inside the docking radius, 0.50 m from the chief; the radius is 0.5 m");
-    insta::assert_snapshot!(layout_error(&json!([[9000, 9000, 0, 0, 0, 0], [50, 0, 0, 0, 0, 0]])), @"layout.bodies.deputies.0: it starts out of bounds, 12728 m from the chief");
-    insta::assert_snapshot!(layout_error(&json!([[50, 0, 0, 0, 0, 0], [0, 60, 10001, 0, 0, 0]])), @"layout.bodies.deputies.1.2 is 10001, outside -10000 to 10000");
-    insta::assert_snapshot!(layout_error(&json!([[50, 0, 0, 0, 0, 0], [0, 60, 0, 0, 0, -11]])), @"layout.bodies.deputies.1.5 is -11, outside -10 to 10");
-    insta::assert_snapshot!(layout_error(&json!([[50, 0, 0, 0, 0, 0], [0, 60, 0]])), @"layout.bodies.deputies.1: 3 numbers; a deputy is x, y, z, vx, vy, vz");
+    insta::assert_snapshot!(layout_error(&json!([[50, 0, 0, 0, 0, 0]])), @"layout.bodies.deputies must have 2 rows, one for each deputy, got 1");
+    insta::assert_snapshot!(layout_error(&json!([[50, 0, 0, 0, 0, 0], [50, 0.5, 0, 0, 0, 0]])), @"layout.bodies.deputies.1 must start at least 1 m from deputy 0, got 0.50 m");
+    insta::assert_snapshot!(layout_error(&json!([[50, 0, 0, 0, 0, 0], [0.3, 0.4, 0, 0, 0, 0]])), @"layout.bodies.deputies.1 must start more than 0.5 m from the chief (the docking radius), got 0.50 m");
+    insta::assert_snapshot!(layout_error(&json!([[9000, 9000, 0, 0, 0, 0], [50, 0, 0, 0, 0, 0]])), @"layout.bodies.deputies.0 must start at most 10000 m from the chief, got 12728 m");
+    insta::assert_snapshot!(layout_error(&json!([[50, 0, 0, 0, 0, 0], [0, 60, 10001, 0, 0, 0]])), @"layout.bodies.deputies.1.2 must be from -10000 to 10000, got 10001");
+    insta::assert_snapshot!(layout_error(&json!([[50, 0, 0, 0, 0, 0], [0, 60, 0, 0, 0, -11]])), @"layout.bodies.deputies.1.5 must be from -10 to 10, got -11");
+    insta::assert_snapshot!(layout_error(&json!([[50, 0, 0, 0, 0, 0], [0, 60, 0]])), @"layout.bodies.deputies.1 must be a list of x, y, z, vx, vy, vz, got 3 numbers");
 }
 
 #[test]
@@ -84,15 +84,15 @@ fn steps_of_a_log_are_lists_or_objects() {
     assert_eq!(list, read(json!([{"deputy": 1, "fx": 0.5, "fy": -0.25, "fz": 0}])).unwrap());
     assert_eq!((list.step(0).agents, list.step(0).values), (&[1][..], &[0.5, -0.25, 0.0][..]));
     let error = |step: Value| read(step).unwrap_err().to_string();
-    insta::assert_snapshot!(error(json!({})), @"steps.0: a step is a list of thrusts");
-    insta::assert_snapshot!(error(json!([[0, 1, 2]])), @"steps.0.0: a thrust is [deputy, fx, fy, fz]");
-    insta::assert_snapshot!(error(json!([[0, 1, 2, 3], 7])), @"steps.0.1: a thrust is a list or an object");
-    insta::assert_snapshot!(error(json!([[-1, 1, 2, 3]])), @"steps.0.0.0: a deputy's number must be a whole number, 0 or more");
+    insta::assert_snapshot!(error(json!({})), @"steps.0: a step must be a list of thrusts");
+    insta::assert_snapshot!(error(json!([[0, 1, 2]])), @"steps.0.0: a thrust must be [deputy, fx, fy, fz]");
+    insta::assert_snapshot!(error(json!([[0, 1, 2, 3], 7])), @"steps.0.1: a thrust must be a list or an object");
+    insta::assert_snapshot!(error(json!([[-1, 1, 2, 3]])), @"steps.0.0.0: the index of a deputy must be an integer of at least 0");
     insta::assert_snapshot!(error(json!([[0, 1, "a", 3]])), @"steps.0.0.2: a thrust must be a finite number");
     insta::assert_snapshot!(error(json!([{"deputy": 0, "fx": 1, "fy": 0}])), @"steps.0.0.fz: a thrust must be a finite number");
-    insta::assert_snapshot!(error(json!([{"deputy": 0, "thrust": 1}])), @"steps.0.0.thrust: it is not known; a thrust has deputy, fx, fy, fz");
+    insta::assert_snapshot!(error(json!([{"deputy": 0, "thrust": 1}])), @"steps.0.0.thrust: unknown field of a thrust; the known fields are deputy, fx, fy, fz");
     let many: Vec<Value> = (0..65).map(|_| json!([0, 0, 0, 0])).collect();
-    insta::assert_snapshot!(error(json!(many)), @"steps.0: 65 thrusts in one step; at most 64 are taken");
+    insta::assert_snapshot!(error(json!(many)), @"steps.0: a step must have at most 64 thrusts, got 65");
 }
 
 #[test]

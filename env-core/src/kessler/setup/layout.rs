@@ -7,6 +7,7 @@ use crate::error::ScenarioError;
 use crate::kessler::constants::{EARTH_RADIUS, HORIZON, SATELLITES};
 use crate::kessler::kernel::Body;
 use crate::kessler::spaces::MAX_DEBRIS;
+use crate::number_format::format_shortest;
 use crate::task::{Layout, LayoutMode, MAX_LAYOUT_ROWS};
 use crate::text::{MAX_QUOTED_CHARS, shorten};
 
@@ -24,7 +25,7 @@ impl KesslerSetup {
     pub(super) fn read_layout(&mut self, layout: &Layout) -> Result<(), ScenarioError> {
         let rows: usize = layout.bodies.values().map(Vec::len).sum();
         if rows > MAX_LAYOUT_ROWS {
-            let reason = format!("{rows} rows; at most {MAX_LAYOUT_ROWS} are taken");
+            let reason = format!("must have at most {MAX_LAYOUT_ROWS} rows, got {rows}");
             return Err(ScenarioError::layout("layout.bodies", reason));
         }
         let replace = layout.mode == LayoutMode::Replace;
@@ -56,7 +57,9 @@ impl KesslerSetup {
         if (drawn + given) as f64 > MAX_DEBRIS {
             return Err(ScenarioError::layout(
                 "layout.bodies.debris",
-                format!("{given} beside {drawn} that are drawn; a scenario has at most {MAX_DEBRIS} in all"),
+                format!(
+                    "must have at most {MAX_DEBRIS} rows together with the {drawn} drawn bodies, got {given}"
+                ),
             ));
         }
         Ok(())
@@ -67,7 +70,7 @@ impl KesslerSetup {
         if self.debris != rows {
             return Err(ScenarioError::layout(
                 "params.debris",
-                format!("it is {}, but the layout replaces debris by {rows}: say {rows}", self.debris),
+                format!("must be {rows}, the debris of the layout, got {}", self.debris),
             ));
         }
         self.debris = 0;
@@ -77,7 +80,7 @@ impl KesslerSetup {
 
 fn parse_satellites(table: &str, rows: &[Vec<f64>]) -> Result<[Body; SATELLITES], ScenarioError> {
     parse_bodies(table, rows)?.try_into().map_err(|given: Vec<Body>| {
-        let reason = format!("{} rows; give all {SATELLITES}", given.len());
+        let reason = format!("must have {SATELLITES} rows, got {}", given.len());
         ScenarioError::layout("layout.bodies.satellites", reason)
     })
 }
@@ -89,7 +92,7 @@ fn parse_bodies(table: &str, rows: &[Vec<f64>]) -> Result<Vec<Body>, ScenarioErr
 
 fn parse_body(field: Arguments<'_>, row: &[f64]) -> Result<Body, ScenarioError> {
     let &[x, y, vx, vy] = row else {
-        let reason = format!("{} numbers; a body is x, y, vx, vy", row.len());
+        let reason = format!("must be a list of x, y, vx, vy, got {} numbers", row.len());
         return Err(ScenarioError::layout(field.to_string(), reason));
     };
     check_body(field, 0, Body { x, y, vx, vy })
@@ -97,15 +100,15 @@ fn parse_body(field: Arguments<'_>, row: &[f64]) -> Result<Body, ScenarioError> 
 
 fn parse_rogue(field: Arguments<'_>, row: &[f64]) -> Result<RogueArrival, ScenarioError> {
     let &[step, x, y, vx, vy] = row else {
-        let reason = format!("{} numbers; a rogue is step, x, y, vx, vy", row.len());
+        let reason = format!("must be a list of step, x, y, vx, vy, got {} numbers", row.len());
         return Err(ScenarioError::layout(field.to_string(), reason));
     };
     ScenarioError::check_range(format_args!("{field}.0"), step, 1.0, f64::from(HORIZON))?;
     if libm::floor(step) != step {
-        let wanted = "a whole number".to_owned();
+        let wanted = "an integer".to_owned();
         return Err(ScenarioError::WrongType {
             field: format!("{field}.0"),
-            found: step.to_string(),
+            found: format_shortest(step),
             wanted,
         });
     }
@@ -120,7 +123,10 @@ fn check_body(field: Arguments<'_>, first_column: usize, body: Body) -> Result<B
         ScenarioError::check_range(format_args!("{field}.{column}"), value, -max, max)?;
     }
     if body.radius() < EARTH_RADIUS {
-        let reason = format!("it starts inside the Earth, {:.1} LU from its centre", body.radius());
+        let reason = format!(
+            "must start outside the Earth (radius {EARTH_RADIUS} LU), got a distance of {:.1} LU",
+            body.radius()
+        );
         return Err(ScenarioError::layout(field.to_string(), reason));
     }
     Ok(body)

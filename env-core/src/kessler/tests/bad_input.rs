@@ -56,26 +56,26 @@ fn params_out_of_range_are_rejected() {
         &[("params.warnings", json!(1))],
         &[("params", json!([1, 2]))],
     ]), @r#"
-    params.debris is -5, outside 0 to 1000
-    params.debris is 1005, outside 0 to 1000
-    params.debris is 7.5, but must be a whole number
-    params.debris is "many", but must be a finite number
-    params.debris is null, but must be a finite number
-    params.fuel is 0, outside 0.1 to 1000
-    params.fuel is 1000.5, outside 0.1 to 1000
-    params.spread is -0.1, outside 0 to 3
-    params.spread is 3.1, outside 0 to 3
-    params.rogue_probability is -0.01, outside 0 to 1
-    params.rogue_probability is 1.01, outside 0 to 1
-    params.rogue_speed is 0.29, outside 0.3 to 1.3
-    params.rogue_speed is 1.31, outside 0.3 to 1.3
-    params.radar_range is 0, outside 1 to 300
-    params.radar_range is 301, outside 1 to 300
-    params.sigma is 0.04, outside 0.05 to 10
-    params.sigma is 10.1, outside 0.05 to 10
-    params.sigma is [0.5], but must be a finite number
-    params.warnings is not a known field; known are debris, fuel, spread, rogue_probability, rogue_speed, radar_range, sigma
-    params is [1,2], but must be an object
+    params.debris must be from 0 to 1000, got -5
+    params.debris must be from 0 to 1000, got 1005
+    params.debris must be an integer, got 7.5
+    params.debris must be a finite number, got "many"
+    params.debris must be a finite number, got null
+    params.fuel must be from 0.1 to 1000, got 0
+    params.fuel must be from 0.1 to 1000, got 1000.5
+    params.spread must be from 0 to 3, got -0.1
+    params.spread must be from 0 to 3, got 3.1
+    params.rogue_probability must be from 0 to 1, got -0.01
+    params.rogue_probability must be from 0 to 1, got 1.01
+    params.rogue_speed must be from 0.3 to 1.3, got 0.29
+    params.rogue_speed must be from 0.3 to 1.3, got 1.31
+    params.radar_range must be from 1 to 300, got 0
+    params.radar_range must be from 1 to 300, got 301
+    params.sigma must be from 0.05 to 10, got 0.04
+    params.sigma must be from 0.05 to 10, got 10.1
+    params.sigma must be a finite number, got [0.5]
+    params.warnings is not a known field; the known fields are debris, fuel, spread, rogue_probability, rogue_speed, radar_range, sigma
+    params must be an object, got [1,2]
     "#);
 }
 
@@ -97,19 +97,19 @@ fn unknown_or_conflicting_options_are_rejected() {
         &[upstream.clone(), ("physics.gravity", json!("j2"))],
         &[upstream.clone(), ("physics.risk", json!("pc"))],
     ]), @r#"
-    physics.start is "unfair"; choose one of fair, upstream
-    physics.compat is "downstream"; choose one of none, upstream
-    physics.contact is "continuous"; choose one of end_of_step, swept
-    physics.gravity is "j3"; choose one of point, j2
-    physics.risk is "none"; choose one of contact, pc
-    physics.warnings is "loud"; choose one of none, exact, noisy
-    physics.warnings is true, but must be a word
-    physics.radar is not a known field; known are start, compat, contact, gravity, risk, warnings
-    physics is "j2", but must be an object
-    physics.contact: it cannot be combined with risk: pc: pc has no destructive contacts, so contact: swept has no effect
-    physics.contact: it cannot be combined with compat: upstream: that is the public original's arithmetic, to the bit
-    physics.gravity: it cannot be combined with compat: upstream: that is the public original's arithmetic, to the bit
-    physics.risk: it cannot be combined with compat: upstream: that is the public original's arithmetic, to the bit
+    physics.start must be one of fair, upstream, got "unfair"
+    physics.compat must be one of none, upstream, got "downstream"
+    physics.contact must be one of end_of_step, swept, got "continuous"
+    physics.gravity must be one of point, j2, got "j3"
+    physics.risk must be one of contact, pc, got "none"
+    physics.warnings must be one of none, exact, noisy, got "loud"
+    physics.warnings must be a word, got true
+    physics.radar is not a known field; the known fields are start, compat, contact, gravity, risk, warnings
+    physics must be an object, got "j2"
+    physics.contact cannot be combined with risk: pc: its contacts are not destructive, so contact: swept has no effect
+    physics.contact cannot be combined with compat: upstream: that choice reproduces the public kessler-env bit by bit
+    physics.gravity cannot be combined with compat: upstream: that choice reproduces the public kessler-env bit by bit
+    physics.risk cannot be combined with compat: upstream: that choice reproduces the public kessler-env bit by bit
     "#);
 }
 
@@ -144,28 +144,28 @@ fn invalid_layouts_are_rejected() {
         &bodies("rogues", json!([[2, 95, 0, 0, 101]])),
         &replaced(3, json!([[60, 0, 0, 4]])),
     ]), @r#"
-    layout is [], but must be an object
-    layout.mode is missing: replace or extend
-    layout.mode is "merge"; choose one of replace, extend
-    layout.bodies is missing: tables of rows by name
-    layout.bodies.moons is not a known field; known are satellites, debris, rogues
-    layout.bodies.debris: 513 rows; at most 512 are taken
-    layout.bodies.debris.1: 3 numbers; a body is x, y, vx, vy
-    layout.bodies.debris.0.3 is "4", but must be a finite number
-    layout.bodies.debris.0.0 is 1000.1, outside -1000 to 1000
-    layout.bodies.debris.0.3 is -100.1, outside -100 to 100
-    layout.bodies.debris.0: it starts inside the Earth, 19.9 LU from its centre
-    layout.bodies.satellites: 1 rows; give all 3
-    layout.bodies.satellites.2: it starts inside the Earth, 19.9 LU from its centre
-    layout.bodies.rogues.0: 0 numbers; a rogue is step, x, y, vx, vy
-    layout.bodies.rogues.0.0 is 0, outside 1 to 50
-    layout.bodies.rogues.0.0 is 51, outside 1 to 50
-    layout.bodies.rogues.0.0 is 2.5, but must be a whole number
-    layout.bodies.rogues.0: it starts inside the Earth, 5.0 LU from its centre
-    layout.bodies.rogues.0: 4 numbers; a rogue is step, x, y, vx, vy
-    layout.bodies.rogues.0.2 is -1001, outside -1000 to 1000
-    layout.bodies.rogues.0.4 is 101, outside -100 to 100
-    params.debris: it is 3, but the layout replaces debris by 1: say 1
+    layout must be an object, got []
+    layout.mode is required: replace or extend
+    layout.mode must be one of replace, extend, got "merge"
+    layout.bodies is required: tables of rows by name
+    layout.bodies.moons is not a known field; the known fields are satellites, debris, rogues
+    layout.bodies.debris must have at most 512 rows, got 513
+    layout.bodies.debris.1 must be a list of x, y, vx, vy, got 3 numbers
+    layout.bodies.debris.0.3 must be a finite number, got "4"
+    layout.bodies.debris.0.0 must be from -1000 to 1000, got 1000.1
+    layout.bodies.debris.0.3 must be from -100 to 100, got -100.1
+    layout.bodies.debris.0 must start outside the Earth (radius 20 LU), got a distance of 19.9 LU
+    layout.bodies.satellites must have 3 rows, got 1
+    layout.bodies.satellites.2 must start outside the Earth (radius 20 LU), got a distance of 19.9 LU
+    layout.bodies.rogues.0 must be a list of step, x, y, vx, vy, got 0 numbers
+    layout.bodies.rogues.0.0 must be from 1 to 50, got 0
+    layout.bodies.rogues.0.0 must be from 1 to 50, got 51
+    layout.bodies.rogues.0.0 must be an integer, got 2.5
+    layout.bodies.rogues.0 must start outside the Earth (radius 20 LU), got a distance of 5.0 LU
+    layout.bodies.rogues.0 must be a list of step, x, y, vx, vy, got 4 numbers
+    layout.bodies.rogues.0.2 must be from -1000 to 1000, got -1001
+    layout.bodies.rogues.0.4 must be from -100 to 100, got 101
+    params.debris must be 1, the debris of the layout, got 3
     "#);
 }
 
@@ -198,13 +198,13 @@ fn log_errors_name_the_path_at_fault() {
     ]
     .map(error_of_log);
     insta::assert_snapshot!(errors.join("\n"), @r"
-    actions.steps.0: a step is a list of burns
-    actions.steps.1.1: agent 5 does not exist; agents are 0 to 2
-    actions.steps.1.1.0: a satellite's number must be a whole number, 0 or more
+    actions.steps.0: a step must be a list of burns
+    actions.steps.1.1: the agent must be from 0 to 2, got 5
+    actions.steps.1.1.0: the index of a satellite must be an integer of at least 0
     actions.steps.0.0.2: a change of speed must be a finite number
     actions.steps.0.0.delta_vy: a change of speed must be a finite number
-    actions.steps.0.0.satellite: it is not known; a burn has satellite_id, delta_vx, delta_vy
-    actions.steps.0.0: a burn is [satellite, dvx, dvy]
+    actions.steps.0.0.satellite: unknown field of a burn; the known fields are satellite_id, delta_vx, delta_vy
+    actions.steps.0.0: a burn must be [satellite, dvx, dvy]
     the log has 51 steps, but the episode was over after 50
     ");
 }
@@ -230,18 +230,18 @@ fn invalid_task_or_seed_is_rejected() {
     .map(scenario)
     .collect();
     insta::assert_snapshot!(errors, @r#"
-    scenario is null, but must be an object
-    scenario is "kessler/survival", but must be an object
-    task is missing: a task's id, as kessler/survival
-    task is 1, but must be a task's id, as kessler/survival
-    task is "kessler/golf"; choose one of kessler/survival, kessler/eco_station, kessler/rendezvous, kessler/formation, docking/single, docking/multiagent
-    seed is missing: a whole number from 0 to 2251799813685247 (larger ones are kept for training and evaluation)
-    seed is -1, but must be a whole number from 0 to 2251799813685247 (larger ones are kept for training and evaluation)
-    seed is 1.5, but must be a whole number from 0 to 2251799813685247 (larger ones are kept for training and evaluation)
-    seed is "1", but must be a whole number from 0 to 2251799813685247 (larger ones are kept for training and evaluation)
-    seed is 9007199254740992, but must be a whole number from 0 to 2251799813685247 (larger ones are kept for training and evaluation)
-    world is "kessler@2"; choose one of kessler@1
-    level is not a known field; known are world, task, params, physics, layout, seed
+    scenario must be an object, got null
+    scenario must be an object, got "kessler/survival"
+    task is required: the id of a task, such as kessler/survival
+    task must be the id of a task, such as kessler/survival, got 1
+    task must be one of kessler/survival, kessler/eco_station, kessler/rendezvous, kessler/formation, docking/single, docking/multiagent, got "kessler/golf"
+    seed is required: an integer from 0 to 2251799813685247 (larger seeds are reserved for training and evaluation)
+    seed must be an integer from 0 to 2251799813685247 (larger seeds are reserved for training and evaluation), got -1
+    seed must be an integer from 0 to 2251799813685247 (larger seeds are reserved for training and evaluation), got 1.5
+    seed must be an integer from 0 to 2251799813685247 (larger seeds are reserved for training and evaluation), got "1"
+    seed must be an integer from 0 to 2251799813685247 (larger seeds are reserved for training and evaluation), got 9007199254740992
+    world must be one of kessler@1, got "kessler@2"
+    level is not a known field; the known fields are world, task, params, physics, layout, seed
     "#);
 }
 
@@ -259,16 +259,16 @@ fn unfair_starts_are_rejected() {
     let satellites = json!([[60, 0, 0, 4], [0, 70, -3.7, 0], [0, -80, 3.5, 0]]);
     let layout =
         |debris: Value| json!({"mode": "extend", "bodies": {"satellites": satellites, "debris": debris}});
-    insta::assert_snapshot!(start_error(layout(json!([[90, 0, 0, 3], [61, 0, 0, 4]])), json!({})).unwrap(), @"layout.bodies.debris.1: the start is not fair: it touches satellite 0 at step 0 under hold, before any agent could act");
+    insta::assert_snapshot!(start_error(layout(json!([[90, 0, 0, 3], [61, 0, 0, 4]])), json!({})).unwrap(), @"layout.bodies.debris.1 makes the start unfair: it touches satellite 0 at step 0 under hold, before any agent could act");
     // A head-on crossing within the second step is found only by a swept contact.
     let crossing = layout(json!([[60, 12, 0, -4]]));
     assert_eq!(start_error(crossing.clone(), json!({})), None);
-    insta::assert_snapshot!(start_error(crossing.clone(), json!({"contact": "swept"})).unwrap(), @"layout.bodies.debris.0: the start is not fair: it touches satellite 0 at step 2 under hold, before any agent could act");
+    insta::assert_snapshot!(start_error(crossing.clone(), json!({"contact": "swept"})).unwrap(), @"layout.bodies.debris.0 makes the start unfair: it touches satellite 0 at step 2 under hold, before any agent could act");
     assert_eq!(start_error(crossing, json!({"contact": "swept", "start": "upstream"})), None);
     // Rogues: one arrives beside a satellite and flies with it, and one arrives when the agents could have
     // acted.
     let rogue = |step: u32| json!({"mode": "extend", "bodies": {"satellites": satellites, "rogues": [[step, 61, 0, 0, 4]]}});
-    insta::assert_snapshot!(start_error(rogue(1), json!({})).unwrap(), @"layout.bodies.rogues: the start is not fair: the rogue of step 1 touches satellite 0 at step 1 under hold, before any agent could act");
+    insta::assert_snapshot!(start_error(rogue(1), json!({})).unwrap(), @"layout.bodies.rogues makes the start unfair: the rogue of step 1 touches satellite 0 at step 1 under hold, before any agent could act");
     assert_eq!(start_error(rogue(1), json!({"start": "upstream"})), None);
     assert_eq!(start_error(rogue(3), json!({})), None);
 }
@@ -293,7 +293,9 @@ fn options_are_checked_together_and_some_are_manual() {
     assert_eq!(error.field(), "physics.compat");
     let moved = error.relocate("physics", "task_settings.kessler/survival.options");
     assert_eq!(moved.field(), "task_settings.kessler/survival.options.compat");
-    assert!(moved.to_string().starts_with("task_settings.kessler/survival.options.compat: upstream is for"));
+    assert!(
+        moved.to_string().starts_with("task_settings.kessler/survival.options.compat must not be upstream,")
+    );
     let clash = of(&[("contact", "swept"), ("risk", "pc")]).unwrap_err();
     assert_eq!(clash.clone().relocate("phys", "x").field(), "physics.contact", "whole names only");
     assert_eq!(clash.relocate("layout", "x").field(), "physics.contact");

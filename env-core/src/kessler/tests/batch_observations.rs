@@ -110,10 +110,10 @@ fn invalid_observation_sizes_are_rejected() {
     };
     assert_eq!(
         batch(ObservationMode::Tracks { threats: 1001, look_ahead: 12 }),
-        "threats is 1001, outside 0 to 1000"
+        "threats must be from 0 to 1000, got 1001"
     );
     assert_eq!(
         batch(ObservationMode::All { bodies: Some(u32::MAX) }),
-        "bodies is 4294967295, outside 0 to 1568"
+        "bodies must be from 0 to 1568, got 4294967295"
     );
 }

@@ -164,16 +164,16 @@ fn errors_name_field_value_and_range() {
         changed[field] = value;
         Scenario::from_json(&changed).unwrap_err().to_string()
     };
-    insta::assert_snapshot!(with("params", json!({"fuel": -1})), @"params.fuel is -1, outside 0.1 to 1000");
-    insta::assert_snapshot!(with("params", json!({"fuel": 1e300})), @"params.fuel is 1e300, outside 0.1 to 1000");
-    insta::assert_snapshot!(with("params", json!({"debris": 2.5})), @"params.debris is 2.5, but must be a whole number");
-    insta::assert_snapshot!(with("params", json!({"fule": 1})), @"params.fule is not a known field; known are debris, fuel, spread, rogue_probability, rogue_speed, radar_range, sigma");
-    insta::assert_snapshot!(with("physics", json!({"compat": "downstream"})), @r#"physics.compat is "downstream"; choose one of none, upstream"#);
-    insta::assert_snapshot!(with("seed", json!(1u64 << 53)), @"seed is 9007199254740992, but must be a whole number from 0 to 2251799813685247 (larger ones are kept for training and evaluation)");
-    insta::assert_snapshot!(with("task", json!("kessler/golf")), @r#"task is "kessler/golf"; choose one of kessler/survival, kessler/eco_station, kessler/rendezvous, kessler/formation, docking/single, docking/multiagent"#);
-    insta::assert_snapshot!(with("layout", json!({"mode": "replace", "bodies": {"debris": [[30, 0, 0, 5]]}})), @"params.debris: it is 25, but the layout replaces debris by 1: say 1");
-    insta::assert_snapshot!(with("layout", json!({"mode": "extend", "bodies": {"debris": [[3, 0, 0, 5]]}})), @"layout.bodies.debris.0: it starts inside the Earth, 3.0 LU from its centre");
-    insta::assert_snapshot!(with("layout", json!({"mode": "extend", "bodies": {"debris": [[3, 0, 0, 500]]}})), @"layout.bodies.debris.0.3 is 500, outside -100 to 100");
+    insta::assert_snapshot!(with("params", json!({"fuel": -1})), @"params.fuel must be from 0.1 to 1000, got -1");
+    insta::assert_snapshot!(with("params", json!({"fuel": 1e300})), @"params.fuel must be from 0.1 to 1000, got 1e300");
+    insta::assert_snapshot!(with("params", json!({"debris": 2.5})), @"params.debris must be an integer, got 2.5");
+    insta::assert_snapshot!(with("params", json!({"fule": 1})), @"params.fule is not a known field; the known fields are debris, fuel, spread, rogue_probability, rogue_speed, radar_range, sigma");
+    insta::assert_snapshot!(with("physics", json!({"compat": "downstream"})), @r#"physics.compat must be one of none, upstream, got "downstream""#);
+    insta::assert_snapshot!(with("seed", json!(1u64 << 53)), @"seed must be an integer from 0 to 2251799813685247 (larger seeds are reserved for training and evaluation), got 9007199254740992");
+    insta::assert_snapshot!(with("task", json!("kessler/golf")), @r#"task must be one of kessler/survival, kessler/eco_station, kessler/rendezvous, kessler/formation, docking/single, docking/multiagent, got "kessler/golf""#);
+    insta::assert_snapshot!(with("layout", json!({"mode": "replace", "bodies": {"debris": [[30, 0, 0, 5]]}})), @"params.debris must be 1, the debris of the layout, got 25");
+    insta::assert_snapshot!(with("layout", json!({"mode": "extend", "bodies": {"debris": [[3, 0, 0, 5]]}})), @"layout.bodies.debris.0 must start outside the Earth (radius 20 LU), got a distance of 3.0 LU");
+    insta::assert_snapshot!(with("layout", json!({"mode": "extend", "bodies": {"debris": [[3, 0, 0, 500]]}})), @"layout.bodies.debris.0.3 must be from -100 to 100, got 500");
 }
 
 #[test]

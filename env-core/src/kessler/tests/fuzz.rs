@@ -197,14 +197,14 @@ proptest! {
                 // Only options that contradict each other, or a sum of squares that rounds to just inside the
                 // Earth, are rejected.
                 let field = error.field();
-                prop_assert!(field.starts_with("physics.") || error.to_string().contains("inside the Earth"), "{error}");
+                prop_assert!(field.starts_with("physics.") || error.to_string().contains("outside the Earth"), "{error}");
                 return Ok(());
             }
         };
         let mut tracks = TracksEncoder::new(k, 15).unwrap();
         let mut cells = Vec::new();
         if let Err(error) = KesslerSetup::from_recipe(scenario.recipe()).unwrap().draw_initial_state(&mut SeededRng::new(scenario.seed())) {
-            prop_assert!(error.to_string().contains("not fair"), "{error}");
+            prop_assert!(error.to_string().contains("unfair"), "{error}");
             return Ok(());
         }
         let mut sim = start_sim(&scenario);

@@ -128,7 +128,7 @@ fn unfair_scenarios_are_not_admitted() {
     assert!(!admission.contested && !admission.solvable && admission.bracket.is_none());
     let error = admission.fair.unwrap_err();
     assert_eq!(error.field(), "layout.bodies.debris.0");
-    insta::assert_snapshot!(error.to_string(), @"layout.bodies.debris.0: the start is not fair: it touches satellite 1 at step 0 under hold, before any agent could act");
+    insta::assert_snapshot!(error.to_string(), @"layout.bodies.debris.0 makes the start unfair: it touches satellite 1 at step 0 under hold, before any agent could act");
 }
 
 #[test]

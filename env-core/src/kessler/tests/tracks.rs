@@ -268,9 +268,9 @@ fn buffer_of_any_size_is_filled_or_zeroed() {
 #[test]
 fn sizes_out_of_range_are_rejected() {
     let error = |k, look_ahead| TracksEncoder::new(k, look_ahead).unwrap_err().to_string();
-    insta::assert_snapshot!(error(1001, 15), @"k is 1001, outside 0 to 1000");
-    insta::assert_snapshot!(error(8, 0), @"look_ahead is 0, outside 1 to 50");
-    insta::assert_snapshot!(error(8, 51), @"look_ahead is 51, outside 1 to 50");
+    insta::assert_snapshot!(error(1001, 15), @"k must be from 0 to 1000, got 1001");
+    insta::assert_snapshot!(error(8, 0), @"look_ahead must be from 1 to 50, got 0");
+    insta::assert_snapshot!(error(8, 51), @"look_ahead must be from 1 to 50, got 51");
 }
 
 /// `docs/worlds/kessler.md` documents all columns, in order, with unit and scale.
