@@ -144,7 +144,7 @@ impl LlmClient {
                 endpoint.metrics.record_success(started.elapsed());
             }
             Err(error) => {
-                tracing::warn!(run = call.run, kind = error.kind(), %error, "a call of the language model failed");
+                tracing::warn!(run = call.run, kind = error.kind(), %error, "A call of the language model failed.");
                 endpoint.metrics.record_failure(error, endpoint.config.clock.now_ms());
                 // A caller's deadline is not the endpoint's failure.
                 if !(matches!(error, LlmError::Timeout { .. }) && call.is_due_within(Duration::ZERO)) {

@@ -191,11 +191,11 @@ impl LlmConfig {
         }
         for (field, price) in [("price_in", self.price_in), ("price_out", self.price_out)] {
             if !(price.is_finite() && price >= 0.0) {
-                return fault(field, "must be a number >= 0");
+                return fault(field, "must be a number of at least 0");
             }
         }
         if self.cost_per_day.is_some_and(|cost| !(cost.is_finite() && cost >= 0.0)) {
-            return fault("cost_per_day", "must be a number >= 0");
+            return fault("cost_per_day", "must be a number of at least 0");
         }
         if self.cost_per_day.is_some() && self.price_in + self.price_out <= 0.0 {
             return fault("cost_per_day", "has no effect without prices; set price_in and price_out");
@@ -207,7 +207,7 @@ impl LlmConfig {
             return fault("max_tokens", "must be at least 1");
         }
         if self.timeout.is_zero() {
-            return fault("timeout", "must be > 0");
+            return fault("timeout", "must be above 0");
         }
         Ok(())
     }

@@ -63,7 +63,7 @@ impl Endpoint {
             })
             .notify(|failed, pause| {
                 let (error, pause_ms) = (&failed.error, pause.as_millis());
-                tracing::debug!(run = call.run, %error, pause_ms, "the call of the language model is retried");
+                tracing::debug!(run = call.run, %error, pause_ms, "A call of the language model is retried.");
                 self.metrics.record_retry();
             })
             .await

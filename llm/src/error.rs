@@ -26,13 +26,13 @@ pub enum LlmError {
         reason: String,
     },
     /// The connection broke while the response was read.
-    #[error("the connection to the model's endpoint broke within its answer: {reason}")]
+    #[error("the connection to the model's endpoint broke during the response: {reason}")]
     ConnectionLost {
         /// Cause, as one line.
         reason: String,
     },
     /// The endpoint returned an error status other than 429.
-    #[error("the model's endpoint refused with status {status}: {body}")]
+    #[error("the model's endpoint returned status {status}: {body}")]
     Refused {
         /// HTTP status, or the code in the body of a gateway that answers 200.
         status: u16,
@@ -40,13 +40,13 @@ pub enum LlmError {
         body: String,
     },
     /// The endpoint returned status 429.
-    #[error("the model's endpoint is rate limited{}", display_retry_after(*.retry_after))]
+    #[error("the model's endpoint limits the rate of requests{}", display_retry_after(*.retry_after))]
     RateLimited {
         /// Value of the `Retry-After` header, if present and valid.
         retry_after: Option<Duration>,
     },
     /// The rest of a budget does not cover the cost of the call.
-    #[error("the budget of {budget} does not pay for another call: {used} of {limit} is spent or under way")]
+    #[error("the budget of {budget} does not cover another call: {used} of {limit} is spent or reserved")]
     Budget {
         /// Name of the exhausted budget.
         budget: &'static str,
@@ -56,7 +56,7 @@ pub enum LlmError {
         limit: f64,
     },
     /// The circuit breaker is open after repeated failures, so that no request was sent.
-    #[error("calls of the model are paused for {:.0} s after repeated failures: {last_error}", .retry_in.as_secs_f64())]
+    #[error("calls of the model are paused for {:.0} s after repeated failures; last failure: {last_error}", .retry_in.as_secs_f64())]
     CircuitOpen {
         /// Time until the next trial call.
         retry_in: Duration,
@@ -64,7 +64,7 @@ pub enum LlmError {
         last_error: String,
     },
     /// The response is no valid chat completion, or the model declined to answer.
-    #[error("the model's answer makes no sense: {reason}")]
+    #[error("the model's response is invalid: {reason}")]
     InvalidResponse {
         /// Problem of the response.
         reason: String,
@@ -107,5 +107,5 @@ impl LlmError {
 }
 
 fn display_retry_after(retry_after: Option<Duration>) -> String {
-    retry_after.map_or_else(String::new, |after| format!(": it asks to wait {:.0} s", after.as_secs_f64()))
+    retry_after.map_or_else(String::new, |after| format!("; retry after {:.0} s", after.as_secs_f64()))
 }

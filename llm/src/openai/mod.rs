@@ -71,7 +71,7 @@ impl OpenAi {
                 HeaderValue::try_from(format!("Bearer {}", key.expose_secret())).map_err(|_| {
                     LlmError::Config {
                         field: "key",
-                        reason: "contains characters that are not allowed in a header".to_owned(),
+                        reason: "must contain only characters that a header may have".to_owned(),
                     }
                 })?;
             value.set_sensitive(true);
@@ -161,7 +161,7 @@ impl OpenAi {
         // A concurrent call may have learned more; formats only ever get weaker.
         if learned.format < known_format {
             learned.format = known_format;
-            tracing::info!(mode = known_format.name(), "the endpoint's way of answering is learned");
+            tracing::info!(mode = known_format.name(), "The response format of the endpoint was detected.");
         }
     }
 
@@ -215,7 +215,7 @@ impl OpenAi {
     fn refusal(&self, status: StatusCode, body: &str) -> FailedRequest {
         let body = self.config.redact_key(body);
         let message = if status.is_redirection() {
-            "it redirects, and redirects are not followed; set base_url to the final address".to_owned()
+            "the endpoint redirects, which is not supported; set base_url to the final address".to_owned()
         } else {
             self.sanitize(&wire::error_message(&body))
         };
@@ -227,7 +227,7 @@ impl OpenAi {
         let mut bytes = Vec::new();
         while let Some(chunk) = response.chunk().await.map_err(|error| self.transport_error(&error, true))? {
             if bytes.len() + chunk.len() > self.config.max_body_bytes {
-                let reason = format!("it is longer than {} bytes", self.config.max_body_bytes);
+                let reason = format!("it has more than {} bytes", self.config.max_body_bytes);
                 return Err(LlmError::InvalidResponse { reason, tokens_in: None, tokens_out: None });
             }
             bytes.extend_from_slice(&chunk);

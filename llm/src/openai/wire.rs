@@ -59,7 +59,8 @@ pub(super) fn appended_schema(
         return Ok(None);
     }
     let schema = serde_json::to_string(&OrderedSchema(&request.schema)).map_err(|e| schema_error(&e))?;
-    let instruction = "\n\nAnswer with one JSON object and nothing else. It keeps to this JSON schema:\n";
+    let instruction =
+        "\n\nAnswer with one JSON object and nothing else. The object must match this JSON schema:\n";
     Ok(Some(format!("{instruction}{schema}")))
 }
 
@@ -108,7 +109,7 @@ fn schema_error(error: &serde_json::Error) -> LlmError {
 /// [`LlmError::Refused`] if the body holds an error: some gateways report errors with status 200.
 pub(super) fn decode_response(body: &str) -> Result<ChatResponse, LlmError> {
     let body: Value = serde_json::from_str(body).map_err(|error| LlmError::InvalidResponse {
-        reason: format!("it is no chat completion: {error}"),
+        reason: format!("it is not a chat completion: {error}"),
         tokens_in: None,
         tokens_out: None,
     })?;
@@ -125,7 +126,7 @@ pub(super) fn decode_response(body: &str) -> Result<ChatResponse, LlmError> {
     let Some(choice) = body.pointer("/choices/0") else { return invalid("it has no choices".to_owned()) };
     let refusal = choice.pointer("/message/refusal").and_then(Value::as_str);
     if let Some(refusal) = refusal.filter(|refusal| !refusal.is_empty()) {
-        return invalid(format!("the model refuses: {refusal}"));
+        return invalid(format!("the model refused to answer: {refusal}"));
     }
     let is_truncated = choice.get("finish_reason").and_then(Value::as_str) == Some("length");
     let text = match choice.pointer("/message/content") {

@@ -37,7 +37,7 @@ async fn breaker_opens_longer_after_each_failed_trial() {
     assert_eq!(retry_in(&complete(&client, "r").await.unwrap_err()), 30.0);
     let health = client.health();
     assert_eq!((health.breaker, health.consecutive_failures, health.calls), (BreakerState::Open, 3, 3));
-    assert_eq!(health.breaker_error.unwrap(), "the model's endpoint refused with status 503: away");
+    assert_eq!(health.breaker_error.unwrap(), "the model's endpoint returned status 503: away");
     assert_eq!(calls.get(), 3);
     // Then it lets one trial call through, and rejects others meanwhile.
     advance(Duration::from_secs(31)).await;
@@ -117,7 +117,7 @@ async fn exhausted_run_budget_rejects_calls() {
     let error = complete(&client, "r").await.unwrap_err().to_string();
     assert_eq!(
         error,
-        "the budget of tokens of this run does not pay for another call: 450 of 430 is spent or under way"
+        "the budget of tokens of this run does not cover another call: 450 of 430 is spent or reserved"
     );
     // A budget error does not count as a failure of the endpoint.
     assert_eq!(client.health().consecutive_failures, 0);

@@ -121,7 +121,7 @@ async fn endless_body_is_rejected_at_its_limit() {
     let url = start_raw_endpoint(head, piece, Duration::ZERO).await;
     let client = LlmClient::new(test_config(&url)).unwrap();
     let error = complete(&client, "r").await.unwrap_err().to_string();
-    assert_eq!(error, "the model's answer makes no sense: it is longer than 1048576 bytes");
+    assert_eq!(error, "the model's response is invalid: it has more than 1048576 bytes");
 }
 
 #[tokio::test]

@@ -40,7 +40,7 @@ async fn rejected_formats_are_remembered() {
     // If the endpoint does not enforce the schema, the prompt states it.
     let prompt = |at: usize| requests[at]["messages"][0]["content"].as_str().unwrap().to_owned();
     assert_eq!(prompt(0), "a question");
-    assert!(prompt(1).contains("keeps to this JSON schema:\n{\"type\":\"object\"}"), "{}", prompt(1));
+    assert!(prompt(1).contains("must match this JSON schema:\n{\"type\":\"object\"}"), "{}", prompt(1));
     assert_eq!(prompt(1), prompt(3));
 }
 
