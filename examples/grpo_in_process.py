@@ -68,11 +68,12 @@ def train(curriculum, args):
             from peft import LoraConfig
 
             lora = LoraConfig(r=16, lora_alpha=32, target_modules="all-linear", task_type="CAUSAL_LM")
+        config = make_config(args)
         trainer = GRPOTrainer(
             model=model,
             processing_class=tokenizer,
-            args=make_config(args),
-            train_dataset=envs.dataset(args.steps * args.groups),
+            args=config,
+            train_dataset=envs.dataset(args.steps * args.groups * config.world_size),
             environment_factory=envs,
             peft_config=lora,
             callbacks=[sparring.trl.CurriculumCallback(envs)],

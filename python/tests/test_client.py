@@ -182,7 +182,7 @@ def test_every_operation_of_v1_has_a_method():
 
 @pytest.mark.parametrize("url", ["127.0.0.1:8700", "ftp://127.0.0.1", "http://", "http://[::1", None])
 def test_invalid_url_is_rejected(url):
-    with pytest.raises(ValueError, match="^`url` must "):
+    with pytest.raises(ValueError, match=r"^`url` must "):
         sparring.Client(url)
 
 

@@ -141,5 +141,5 @@ def test_open_connects_or_starts_a_server(monkeypatch):
         connected = sparring.Curriculum.open(started.url, started.run, settings=SETTINGS, form="groups")
         assert (connected.url, connected.run) == (started.url, started.run)
         assert sparring.Curriculum.open(started.url, settings=SETTINGS).run != started.run
-    with pytest.raises(ValueError, match="^`run` must "):
+    with pytest.raises(ValueError, match=r"^`run` must "):
         sparring.Curriculum.open(run="mine")

@@ -25,7 +25,7 @@ def test_suite_of_another_world_is_rejected():
         def hold(observations):
             return np.zeros((len(observations), 1, 3), np.float32)
 
-        with pytest.raises(ValueError, match="`suite` must .* kessler-heldout-v2 has kessler/.*, the run has docking/single"):
+        with pytest.raises(ValueError, match=r"`suite` must .* kessler-heldout-v2 has kessler/.*, the run has docking/single"):
             sparring.evaluate(curriculum, hold, suite="kessler-heldout-v2")
         with pytest.raises(ValueError, match="`policy` must not be 'blind_panel'"):
             sparring.evaluate(curriculum, hold, policy="blind_panel")

@@ -95,7 +95,7 @@ def test_other_types_than_scenario_are_rejected():
         lambda scenario: sparring.replay(scenario, []),
         sparring.rollout,
     ):
-        with pytest.raises(ValueError, match="^`scenario` must "):
+        with pytest.raises(ValueError, match=r"^`scenario` must "):
             function("kessler/survival")
     assert len(repr(sparring.bracket(sparring.Scenario("survival", seed=1)))) < 4000
 

@@ -7,13 +7,13 @@
 
 import json
 import os
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from conftest import BINARY, needs_server
 from curriculum_servers import SETTINGS
+from documents import printed_command, run_command
 
 pytest.importorskip("trl")
 import torch
@@ -323,12 +323,9 @@ def test_unreachable_server_leaves_logs_without_metrics(envs, caplog):
     assert "no server answers" in caplog.text
 
 
-def test_example_trains(tmp_path):
-    options = ["--tiny", "--lora", "--steps", "2", "--group-size", "4", "--tokens", "512"]
-    command = [sys.executable, os.fspath(EXAMPLES / "grpo_in_process.py"), *options, "--output", os.fspath(tmp_path)]
-    environment = {**os.environ, "SPARRING_BIN": BINARY, "OMP_NUM_THREADS": "1"}
-    ended = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=500)
-    assert ended.returncode == 0, ended.stderr[-3000:]
-    print(ended.stdout)
-    assert "8 episodes finished, 8 counted" in ended.stdout
-    assert (tmp_path / "adapter_model.safetensors").exists()
+def test_printed_command_trains(tmp_path, monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    output = run_command(printed_command("docs/guides/train-trl.md", "python examples/grpo_in_process.py --tiny"), tmp_path)
+    print(output)
+    assert "8 episodes finished, 8 counted" in output
+    assert (tmp_path / "grpo" / "adapter_model.safetensors").exists()

@@ -3,6 +3,8 @@
 import csv
 import json
 import os
+import pathlib
+import shlex
 import signal
 import subprocess
 import sys
@@ -11,13 +13,15 @@ import numpy as np
 import pytest
 from conftest import BINARY, needs_server
 from curriculum_servers import wait_until
+from documents import printed_command
 
 pytest.importorskip("torch")
 pytest.importorskip("rliable")
 
 import sparring
-from sparring.experiments import experiment, results
+from sparring.experiments import experiment, results, runner
 from sparring.experiments.cli import main
+from sparring.experiments.experiment import ExperimentError
 from sparring.server import Server
 
 TASK = "kessler/survival"
@@ -47,6 +51,27 @@ def test_invalid_option_is_reported_in_one_line(tmp_path, capsys):
         assert error.startswith(field)
         assert len(error.splitlines()) == 1
     assert not (tmp_path / "none").exists()
+
+
+def test_printed_commands_define_experiments(tmp_path, monkeypatch):
+    defined = []
+
+    def run(folder, definition, **_):
+        defined.append((folder, definition))
+        raise ExperimentError("nothing is run")
+
+    monkeypatch.setattr(runner, "run", run)
+    monkeypatch.chdir(tmp_path)
+    for page in ("docs/guides/train-own-loop.md", "docs/reference/strategies-measured.md"):
+        _, module, name, experiment_name, *options = shlex.split(
+            printed_command(page, "python -m sparring.experiments curriculum")
+        )
+        assert (module, name, experiment_name) == ("-m", "sparring.experiments", "curriculum")
+        assert main(options) == 2
+    (guide_folder, guide), (measured_folder, measured) = defined
+    assert guide_folder == measured_folder == pathlib.Path("mine")
+    assert guide == experiment.Experiment()
+    assert (len(measured.trainings()), measured.budget, measured.evaluations) == (28, 200_000, 4)
 
 
 def test_each_arm_has_its_own_run_settings():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from conftest import BINARY, needs_server
+from documents import printed_command, run_command
 
 pytest.importorskip("torch")
 import torch
@@ -95,6 +96,22 @@ def test_saved_policy_acts_as_before(tmp_path, capsys):
     observations = np.random.default_rng(1).normal(size=(2, 3, policy.sizes[0])).astype(np.float32)
     assert policy.act(observations).shape == (2, 3, 2)
     assert (policy.act(observations) == ppo.Policy.load(str(file)).act(observations)).all()
+
+
+@needs_server
+@pytest.mark.parametrize(
+    ("start", "shorter", "more"),
+    [
+        ("--local", {"--steps 1000000": "--steps 3200"}, ()),
+        ("--task", {}, ("--steps", "3200")),
+    ],
+)
+def test_printed_commands_train(start, shorter, more, tmp_path):
+    page = "docs/guides/train-own-loop.md"
+    command = printed_command(page, f"python -m sparring.experiments ppo {start}", shorter)
+    output = run_command(command, tmp_path, *more)
+    assert "3,200 steps" in output
+    assert ("skill on held-out contested scenarios" in output) == (tmp_path / "runs").exists() == (start == "--local")
 
 
 @pytest.mark.parametrize("task", ["docking/single", "docking/multiagent"])

@@ -2,15 +2,13 @@
 
 import json
 import os
-import pathlib
-import subprocess
-import sys
 import zipfile
 
 import gymnasium
 import numpy as np
 import pytest
 from conftest import BINARY, needs_server
+from documents import printed_command, run_command
 
 pytest.importorskip("stable_baselines3")
 import torch
@@ -179,16 +177,12 @@ def test_training_with_a_curriculum_improves_skill(tmp_path):
 
 
 @needs_server
-def test_example_trains_evaluates_and_saves(tmp_path):
-    python = pathlib.Path(sparring.__file__).resolve().parents[1]
-    files = {"--plot": "curve.svg", "--save": "model.zip", "--tensorboard": "runs"}
-    options = ["--steps", "9600", "--evaluations", "1", "--envs", "16", *(word for pair in files.items() for word in pair)]
-    environment = {**os.environ, "SPARRING_BIN": BINARY, "PYTHONPATH": os.fspath(python)}
-    command = [sys.executable, python.parent / "examples" / "sb3_ppo.py", *options]
-    ended = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
-    assert ended.returncode == 0, ended.stderr
-    evaluations = [json.loads(line) for line in ended.stdout.splitlines() if line.startswith("{")]
+def test_printed_command_trains_evaluates_and_saves(tmp_path):
+    shorter = {"--steps 1000000": "--steps 9600"}
+    command = printed_command("docs/guides/train-sb3.md", "python examples/sb3_ppo.py", shorter)
+    output = run_command(command, tmp_path, "--evaluations", "1", "--envs", "16", "--save", "model.zip")
+    evaluations = [json.loads(line) for line in output.splitlines() if line.startswith("{")]
     assert [row["steps"] for row in evaluations] == [0, 9600]
     assert all(-1 <= skill <= 1 for row in evaluations for skill in row["skill"].values())
-    assert "<svg" in (tmp_path / "curve.svg").read_text()
-    assert all((tmp_path / name).exists() for name in files.values())
+    assert "<svg" in (tmp_path / "sb3.svg").read_text()
+    assert all((tmp_path / name).exists() for name in ("model.zip", "runs"))
