@@ -113,8 +113,7 @@ impl Gate {
         // lead to this scenario.
         let admitted = self.judge_in(&design, scenario)?;
         if admitted.scenario.id() != scenario.id() {
-            let message =
-                "the bodies are not what the encounters of its provenance come to; leave the provenance out";
+            let message = "does not lead to the bodies of the layout; leave it out";
             return Err(Refusal::Compiles(FieldError::new("layout.provenance", message)));
         }
         self.archive.push(design);

@@ -44,7 +44,7 @@ impl ProceduralDesigner {
         let mut run = DesignRun::new(brief, gate);
         while !run.is_finished() {
             if let Some(limit) = brief.time_limit.filter(|limit| started.elapsed() >= *limit) {
-                let warning = format!("its time was over after {} s", limit.as_secs());
+                let warning = format!("the time limit ended the request after {} s", limit.as_secs());
                 run.outcome.warnings.push(warning);
                 break;
             }

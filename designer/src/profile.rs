@@ -73,10 +73,10 @@ pub type SectorWeights = [f64; BEARING_SECTORS as usize];
 #[derive(Debug, thiserror::Error)]
 pub enum ProfileError {
     /// The text is not the JSON of a profile.
-    #[error("it is no failure profile: {0}")]
+    #[error("it is not a failure profile: {0}")]
     Json(#[from] serde_json::Error),
     /// The profile does not contain the requested task.
-    #[error("it holds no profile of {wanted}; it holds {available}")]
+    #[error("it has no profile of {wanted}; it has {available}")]
     MissingTask {
         /// Id of the requested task.
         wanted: String,

@@ -111,8 +111,8 @@ pub enum Refusal {
     Unseen(FieldError),
     /// The reference planner does not succeed.
     #[error(
-        "the planner finds no way to succeed: its best scores {reference:.3} and loses {lost}; ask for fewer threats, \
-         later ones or more fuel"
+        "the planner cannot succeed: its best score is {reference:.3}, with {lost} satellites lost; choose fewer or later \
+         threats, or more fuel"
     )]
     Unsolvable {
         /// Best score of the planner.
@@ -121,12 +121,12 @@ pub enum Refusal {
         lost: u32,
     },
     /// A layout of threats loses no satellite if all hold.
-    #[error("doing nothing loses nobody: a threat is wanted that hits")]
+    #[error("no satellite is lost if no satellite burns; add a threat that hits")]
     Harmless,
     /// Too many blind plans succeed, or the reference is too close to the floor.
     #[error(
-        "acting blindly does nearly as well: {blind} of {panel} blind plans succeed (at most {most} may), and the \
-         reference is {gap:.3} above the floor (at least {MIN_GAP} is wanted); ask for more threats, of more satellites"
+        "acting well must matter: {blind} of {panel} blind plans succeed (at most {most} may), and the reference is \
+         {gap:.3} above the floor (at least {MIN_GAP} is required); choose more threats, to more satellites"
     )]
     Uncontested {
         /// Number of blind plans that succeed.
@@ -143,8 +143,8 @@ pub enum Refusal {
     Decoy(FieldError),
     /// A similar design is in the archive.
     #[error(
-        "it is too much like {like:?}, which is known already: {distance:.3} apart, {MIN_NOVELTY} is wanted; change bearings, \
-         steps or satellites"
+        "the design is too similar to {like:?}: its distance is {distance:.3}, at least {MIN_NOVELTY} is required; change \
+         bearings, steps or satellites"
     )]
     Known {
         /// Name of the nearest design.
@@ -153,7 +153,7 @@ pub enum Refusal {
         distance: f64,
     },
     /// The same scenario was admitted before.
-    #[error("this very scenario is known already; change a body or the seed")]
+    #[error("the scenario was admitted before; change a body or the seed")]
     Duplicate,
 }
 

@@ -109,7 +109,7 @@ fn read_layouts(path: &Path) -> Result<Vec<StoredLayout>, DesignError> {
     let file_error = |reason: String| DesignError::File { file: path.display().to_string(), reason };
     let size = std::fs::metadata(path).map_err(|error| file_error(error.to_string()))?.len();
     if size > MAX_FILE_BYTES {
-        return Err(file_error(format!("has {size} bytes; at most {MAX_FILE_BYTES} are read")));
+        return Err(file_error(format!("must have at most {MAX_FILE_BYTES} bytes, got {size}")));
     }
     let text = std::fs::read_to_string(path).map_err(|error| file_error(error.to_string()))?;
     let file: LayoutFile =

@@ -30,7 +30,7 @@ pub(super) const AIMS: [AimSpec; 4] = [
         mode: "collision",
         kind: EncounterKind::Threat,
         is_rogue: Some(false),
-        needs: "a threat that is there from the start",
+        needs: "a threat that exists from the start",
     },
     AimSpec {
         mode: "rogue",
@@ -42,7 +42,7 @@ pub(super) const AIMS: [AimSpec; 4] = [
         mode: "fuel_starvation",
         kind: EncounterKind::Threat,
         is_rogue: None,
-        needs: "two threats of one satellite",
+        needs: "two threats to one satellite",
     },
     AimSpec {
         mode: "wasted_fuel",
@@ -86,7 +86,7 @@ pub(super) fn check_aim(design: &Design, placed: &[PlacedBody]) -> Result<(), Fi
     let mode = &design.aim.mode;
     let Some(spec) = AIMS.iter().find(|spec| spec.mode == mode) else {
         let modes = AIMS.map(|spec| spec.mode).join(", ");
-        let message = format!("nothing can be laid out for {mode:?}; choose one of {modes}");
+        let message = format!("must be one of {modes}, got {mode:?}");
         return Err(FieldError::new("aim.mode", message));
     };
     let counting: Vec<(&Encounter, &PlacedBody)> =
@@ -99,7 +99,7 @@ pub(super) fn check_aim(design: &Design, placed: &[PlacedBody]) -> Result<(), Fi
         _ => !counting.is_empty(),
     };
     if !has_enough {
-        let message = format!("{mode} takes {}, and the encounters have none", spec.needs);
+        let message = format!("{mode} needs {}; add it to the encounters, or choose another aim", spec.needs);
         return Err(FieldError::new("aim", message));
     }
     let Some(aimed) = design.aim.bearing_deg else { return Ok(()) };
@@ -109,8 +109,8 @@ pub(super) fn check_aim(design: &Design, placed: &[PlacedBody]) -> Result<(), Fi
         Some(nearest) if distance(nearest) > AIM_TOLERANCE_DEG => Err(FieldError::new(
             "aim.bearing_deg",
             format!(
-                "it is {aimed}, and the nearest encounter that counts comes from {nearest:.0}: within \
-                 {AIM_TOLERANCE_DEG} degrees is wanted"
+                "must be within {AIM_TOLERANCE_DEG} degrees of a needed encounter, got {aimed}; the nearest one comes from \
+                 {nearest:.0}"
             ),
         )),
         _ => Ok(()),

@@ -30,15 +30,17 @@ pub(super) fn check_visibility(scenario: &Scenario) -> Result<(), FieldError> {
         let (satellite, step) = (failure.agent, failure.step);
         let message = match (encounter.first_visible_step, encounter.avoidable) {
             _ if step <= FAIR_STEPS => {
-                format!("satellite {satellite} is hit at step {step}, before anybody could act")
+                format!(
+                    "satellite {satellite} is hit at step {step}, before the agent could act; choose a later step"
+                )
             }
             (None, _) => format!(
-                "satellite {satellite} is hit at step {step} by what no radar shows before: a slower pass is wanted, or a \
-                 rogue that is seen coming"
+                "satellite {satellite} is hit at step {step} by debris that was never visible; choose a slower pass, or a \
+                 rogue that becomes visible before"
             ),
             (Some(first), Some(false)) => format!(
-                "satellite {satellite} is hit at step {step} by what the radar shows from step {first} on, when no burn \
-                 dodges it any more: a slower pass is wanted"
+                "satellite {satellite} is hit at step {step} by debris that is visible from step {first}, too late for any \
+                 burn to avoid it; choose a slower pass"
             ),
             _ => continue,
         };
@@ -54,14 +56,17 @@ pub(super) fn check_visibility(scenario: &Scenario) -> Result<(), FieldError> {
 pub(super) fn check_decoy(scenario: &Scenario, bracket: &Bracket) -> Result<(), FieldError> {
     let hold = &bracket.panel[0];
     if hold.lost > 0 || !is_success(scenario, SuccessRule::Task, bracket, hold) {
-        let message = format!("holding loses {} of the satellites, so that burning is no waste", hold.lost);
+        let message = format!(
+            "a decoy must not hit, but holding loses {} of the satellites; choose larger miss distances",
+            hold.lost
+        );
         return Err(FieldError::new("encounters", message));
     }
     let wasted = fuel_wasted_by_nervous_agent(scenario)?;
     if wasted < MIN_WASTED_FUEL {
         let message = format!(
-            "even a nervous agent spends only {wasted:.1} fuel for nothing: bring the decoys nearer, {MIN_WASTED_FUEL} is \
-             wanted"
+            "a nervous agent must waste at least {MIN_WASTED_FUEL} fuel, but wastes {wasted:.1}; choose smaller miss \
+             distances of the decoys"
         );
         return Err(FieldError::new("encounters", message));
     }

@@ -51,7 +51,7 @@ pub fn compile(design: &Design, base: &Scenario) -> Result<CompiledDesign, Field
         return Err(FieldError::new(
             "encounters",
             format!(
-                "{} of them are debris that is there from the start, and the param debris is {debris_param}",
+                "must have at most {debris_param} encounters that are not rogues (the param debris), got {}",
                 debris.len()
             ),
         ));
@@ -90,7 +90,7 @@ fn place_all(design: &Design, coast: &CoastPaths) -> Result<Vec<PlacedBody>, Fie
         let path = format!("encounters.{i}");
         encounter.validate(&path)?;
         if let Some(twin) = design.encounters[..i].iter().position(|other| other == encounter) {
-            let message = format!("it is encounters.{twin} again: two bodies would be one");
+            let message = format!("repeats encounters.{twin}; change it or leave it out");
             return Err(FieldError::new(path, message));
         }
         let body = place(encounter, design.frame, coast);
@@ -129,13 +129,13 @@ fn draw_background(
 
 #[expect(clippy::needless_pass_by_value, reason = "the signature that map_err takes")]
 fn field_error(error: ScenarioError) -> FieldError {
-    FieldError::new(error.field().to_owned(), error.to_string())
+    FieldError::new(error.field().to_owned(), error.reason())
 }
 
 /// Returns the message of a placement error: the problem and a way to fix it. Messages are part of repair prompts.
 fn describe(encounter: &Encounter, design: &Design, error: PlacementError) -> String {
     let pass = format!(
-        "a {} of satellite {} at step {} at {:.1} LU/TU from {} degrees ({})",
+        "a {} for satellite {} at step {} at {:.1} LU/TU from {} degrees ({})",
         encounter.kind.as_str(),
         encounter.satellite,
         encounter.step,
@@ -145,24 +145,27 @@ fn describe(encounter: &Encounter, design: &Design, error: PlacementError) -> St
     );
     match error {
         PlacementError::SatelliteFallen => {
-            format!("satellite {} has fallen into the Earth by then", encounter.satellite)
+            format!(
+                "satellite {} falls into the Earth before; choose an earlier step or another satellite",
+                encounter.satellite
+            )
         }
         PlacementError::NoSuchBearing { nearest } => format!(
-            "{pass} cannot be had to {BEARING_TOLERANCE} degrees: the nearest bearing is {nearest:.0}; ask for another, or \
-             for a faster or nearer pass"
+            "{pass} cannot be placed within {BEARING_TOLERANCE} degrees: the nearest bearing is {nearest:.0}; choose that \
+             bearing, or a faster or nearer pass"
         ),
         PlacementError::ThroughEarth { step } => format!(
-            "{pass} would come out of the Earth at step {step}; ask for an earlier step, another bearing or a rogue"
+            "{pass} would come out of the Earth at step {step}; choose an earlier step, another bearing or a rogue"
         ),
         PlacementError::StartOutOfRange { radius } => format!(
-            "{pass} would start {radius:.0} LU from the Earth, outside 22 to 150; ask for an earlier step, a slower pass, \
-             another bearing or a rogue"
+            "{pass} must start 22 to 150 LU from the Earth's centre, but would start at {radius:.0}; choose an earlier step, \
+             a slower pass, another bearing or a rogue"
         ),
         PlacementError::TooEarly { satellite, step } => format!(
-            "{pass} would hit satellite {satellite} at step {step} already; ask for a faster pass, or another step or bearing"
+            "{pass} would hit satellite {satellite} at step {step} already; choose a faster pass, or another step or bearing"
         ),
         PlacementError::TooNear { satellite, step, distance } => format!(
-            "{pass} would be {distance:.1} LU from satellite {satellite} at step {step}; ask for another step or bearing"
+            "{pass} would be only {distance:.1} LU from satellite {satellite} at step {step}; choose another step or bearing"
         ),
     }
 }

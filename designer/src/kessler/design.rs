@@ -89,7 +89,7 @@ impl Encounter {
             None => false,
             Some(value) => value
                 .as_bool()
-                .ok_or_else(|| FieldError::new(format!("{path}.rogue"), "true or false is wanted"))?,
+                .ok_or_else(|| FieldError::new(format!("{path}.rogue"), "must be true or false"))?,
         };
         let encounter = Self {
             satellite: SATELLITE.parse(path, fields)?,
@@ -121,7 +121,7 @@ impl Encounter {
             if !bound.contains(number) {
                 return Err(FieldError::new(
                     format!("{path}.{}", bound.name),
-                    format!("it is {number}, outside {} to {}", bound.min, bound.max),
+                    format!("must be from {} to {}, got {number}", bound.min, bound.max),
                 ));
             }
         }
@@ -132,7 +132,7 @@ impl Encounter {
             Err(FieldError::new(
                 format!("{path}.miss_distance"),
                 format!(
-                    "it is {}; a {name} {about}: {min_miss} to {max_miss} are wanted",
+                    "must be from {min_miss} to {max_miss} for a {name}, which {about}, got {}",
                     self.miss_distance
                 ),
             ))
@@ -163,7 +163,7 @@ impl Design {
         let aim = parse_object("aim", fields.get("aim").unwrap_or(&Value::Null))?;
         reject_unknown("aim", aim, &["mode", "bearing_deg"])?;
         let mode = aim.get("mode").and_then(Value::as_str).ok_or_else(|| {
-            FieldError::new("aim.mode", "the failure mode that the layout is meant to hit is wanted")
+            FieldError::new("aim.mode", "is required: the failure mode that the layout aims at")
         })?;
         let bearing_deg = match aim.get("bearing_deg") {
             None | Some(Value::Null) => None,
@@ -189,7 +189,7 @@ fn parse_params(value: Option<&Value>) -> Result<BTreeMap<String, f64>, FieldErr
         let name = clean_name(name);
         match value.as_f64().filter(|number| number.is_finite()) {
             Some(number) => Ok((name, number)),
-            None => Err(FieldError::new(format!("params.{name}"), "a number is wanted")),
+            None => Err(FieldError::new(format!("params.{name}"), "must be a number")),
         }
     };
     parse_object("params", value)?.iter().take(MAX_PARAMS).map(param).collect()
@@ -198,18 +198,18 @@ fn parse_params(value: Option<&Value>) -> Result<BTreeMap<String, f64>, FieldErr
 fn parse_encounters(value: Option<&Value>) -> Result<Vec<Encounter>, FieldError> {
     let list = value
         .and_then(Value::as_array)
-        .ok_or_else(|| FieldError::new("encounters", "a list of encounters is wanted"))?;
+        .ok_or_else(|| FieldError::new("encounters", "must be a list of encounters"))?;
     if list.is_empty() || list.len() > MAX_ENCOUNTERS {
         return Err(FieldError::new(
             "encounters",
-            format!("{} are given; 1 to {MAX_ENCOUNTERS} are wanted", list.len()),
+            format!("must have 1 to {MAX_ENCOUNTERS} entries, got {}", list.len()),
         ));
     }
     list.iter().enumerate().map(|(i, value)| Encounter::parse(&format!("encounters.{i}"), value)).collect()
 }
 
 fn parse_object<'a>(field: &str, value: &'a Value) -> Result<&'a Map<String, Value>, FieldError> {
-    value.as_object().ok_or_else(|| FieldError::new(field, "an object is wanted"))
+    value.as_object().ok_or_else(|| FieldError::new(field, "must be an object"))
 }
 
 fn reject_unknown(path: &str, fields: &Map<String, Value>, known: &[&str]) -> Result<(), FieldError> {
@@ -217,7 +217,7 @@ fn reject_unknown(path: &str, fields: &Map<String, Value>, known: &[&str]) -> Re
         None => Ok(()),
         Some(key) => Err(FieldError::new(
             format!("{path}.{}", shorten(key)),
-            format!("there is no such field; known are {}", known.join(", ")),
+            format!("is not a known field; the known fields are {}", known.join(", ")),
         )),
     }
 }
@@ -227,7 +227,7 @@ fn parse_choice(field: &str, value: Option<&Value>, names: &[&str]) -> Result<us
     value
         .and_then(Value::as_str)
         .and_then(|given| names.iter().position(|name| *name == given))
-        .ok_or_else(|| FieldError::new(field, format!("one of {} is wanted", names.join(", "))))
+        .ok_or_else(|| FieldError::new(field, format!("must be one of {}", names.join(", "))))
 }
 
 /// Returns untrusted text as a name: one line, at most [`MAX_NAME_CHARS`] characters.

@@ -1,7 +1,7 @@
 //! [`KesslerLanguage`]: the design language of kessler.
 
 use env_core::bracket::Bracket;
-use env_core::{KeyedRng, Scenario};
+use env_core::{KeyedRng, Scenario, format_shortest};
 use serde_json::Value;
 
 use super::aim::{allowed_aims, allows_rogues, check_aim, has_threat};
@@ -86,7 +86,7 @@ fn parse_for(design: &Value, brief: &DesignBrief) -> Result<Design, FieldError> 
         let mode = shorten(&design.aim.mode);
         return Err(FieldError::new(
             "aim.mode",
-            format!("nothing can be laid out for {mode:?} here; one of {known} is wanted"),
+            format!("must be one of {known} for this brief, got {mode:?}"),
         ));
     }
     for (name, value) in &design.params {
@@ -95,7 +95,7 @@ fn parse_for(design: &Value, brief: &DesignBrief) -> Result<Design, FieldError> 
     if let Some(at) = design.encounters.iter().position(|e| e.is_rogue).filter(|_| !allows_rogues(brief)) {
         return Err(FieldError::new(
             format!("encounters.{at}.rogue"),
-            "no rogues come at this level; false is wanted",
+            "must be false: the level has no rogues",
         ));
     }
     Ok(design)
@@ -111,9 +111,9 @@ fn check_param(name: &str, value: f64, brief: &DesignBrief) -> Result<(), FieldE
         let known = brief.param_choices.iter().map(|choice| choice.param.as_str());
         let known = known.collect::<Vec<_>>().join(", ");
         let message = if known.is_empty() {
-            "no param may be chosen here".to_owned()
+            "must be left out: all params are fixed".to_owned()
         } else {
-            format!("it may not be chosen; {known} may")
+            format!("must be left out: a layout may set only {known}")
         };
         return Err(FieldError::new(field, message));
     };
@@ -121,5 +121,5 @@ fn check_param(name: &str, value: f64, brief: &DesignBrief) -> Result<(), FieldE
         return Ok(());
     }
     let values = choice.values.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
-    Err(FieldError::new(field, format!("it is {value}; one of {values} is wanted")))
+    Err(FieldError::new(field, format!("must be one of {values}, got {}", format_shortest(value))))
 }

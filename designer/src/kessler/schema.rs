@@ -48,28 +48,28 @@ pub(super) fn rules(brief: &DesignBrief) -> String {
         "The world: {SATELLITES} satellites (0 to {}) circle the Earth in one plane, prograde, between {low} and {high} LU \
          from its centre; the Earth's radius is {EARTH_RADIUS} LU. An episode has {HORIZON} steps of 1 TU. Debris that comes \
          closer than {CONTACT_DISTANCE} LU to a satellite destroys it. The agent may burn to evade; a burn costs \
-         {FUEL_PER_SPEED} fuel for each LU/TU of change, and an agent that does nothing stays on its orbits.\n\n\
-         A layout is a list of encounters of satellites with debris, said as who, when, from where, how fast and how close; \
-         a program works out the orbits. Its fields:\n",
+         {FUEL_PER_SPEED} fuel for each LU/TU of change. Without burns the satellites stay on their orbits.\n\n\
+         A layout is a list of encounters of satellites with debris. Each encounter has a satellite, a step, a bearing, a \
+         relative speed and a miss distance; a program computes the orbits. Fields of a layout:\n",
         SATELLITES - 1,
     );
-    text.push_str("- aim.mode: what the layout is meant to hit. One of:\n");
+    text.push_str("- aim.mode: failure mode that the layout is meant to cause. One of:\n");
     for aim in allowed_aims(brief) {
-        text.push_str(&format!("  - {}: it takes {}\n", aim.mode, aim.needs));
+        text.push_str(&format!("  - {}: needs {}\n", aim.mode, aim.needs));
     }
     text.push_str(&format!(
-        "- aim.{}: the bearing it is about; an encounter that counts for the aim must come from within {AIM_TOLERANCE_DEG} degrees \
-         of it\n- frame: what all bearings of the layout are measured in. One of:\n",
+        "- aim.{}: bearing of the aim; a needed encounter must come from within {AIM_TOLERANCE_DEG} degrees of it\n\
+         - frame: frame of all bearings of the layout. One of:\n",
         BEARING.name
     ));
     for frame in FRAMES {
         text.push_str(&format!("  - {}: {}\n", frame.name, frame.description));
     }
     if !brief.param_choices.is_empty() {
-        text.push_str("- params: params of the task, among the values that the brief allows\n");
+        text.push_str("- params: params of the task, each with one of the values that the brief lists\n");
     }
-    text.push_str(&format!("- encounters: 1 to {MAX_REQUESTED_ENCOUNTERS} of them, each with\n"));
-    text.push_str("  - kind: what it is for. One of:\n");
+    text.push_str(&format!("- encounters: list of 1 to {MAX_REQUESTED_ENCOUNTERS} encounters, each with\n"));
+    text.push_str("  - kind: purpose of the encounter. One of:\n");
     for KindSpec { name, min_miss, max_miss, description: about, .. } in KINDS {
         text.push_str(&format!("    - {name}: {about}; {} {min_miss} to {max_miss}\n", MISS.name));
     }
@@ -80,14 +80,19 @@ pub(super) fn rules(brief: &DesignBrief) -> String {
         ));
     }
     if allows_rogues(brief) {
-        text.push_str("  - rogue: true if it appears a few steps before, out of nothing; false if it is there from the start\n");
+        text.push_str("  - rogue: true if the debris appears a few steps before the encounter; false if it exists from the start\n");
     }
-    text.push_str(&format!("- name: a few words for people, at most {MAX_NAME_CHARS} characters\n\n"));
+    text.push_str(&format!("- name: short name of the layout, at most {MAX_NAME_CHARS} characters\n\n"));
     text.push_str(&format!(
-        "What is refused: debris whose path back to the start leaves {nearest} to {farthest} LU or comes out of the Earth \
-         (ask for an earlier step or a slower pass), debris that touches a satellite before its step, encounters that do not \
-         keep the aim, threats that no agent could evade, a layout with a threat in which doing nothing loses nobody, \
-         a layout of decoys in which doing nothing loses somebody, and layouts too much like earlier ones."
+        "The program refuses a layout in these cases:\n\
+         - Debris comes out of the Earth, or does not start {nearest} to {farthest} LU from its centre. Choose an earlier \
+         step or a slower pass.\n\
+         - Debris touches a satellite before its step.\n\
+         - The encounters do not match the aim.\n\
+         - No agent could evade the threats.\n\
+         - A layout with a threat loses no satellite if no satellite burns.\n\
+         - A layout of decoys loses a satellite if no satellite burns.\n\
+         - The layout is too similar to an earlier one."
     ));
     text
 }

@@ -39,7 +39,7 @@ pub const SATELLITE: Bound = Bound {
     max: SATELLITES as u32 - 1,
     scale: 1.0,
     unit: "",
-    description: "the satellite it is about",
+    description: "index of the satellite",
 };
 /// Step of the encounter. No contact may happen before step 3.
 pub const STEP: Bound = Bound {
@@ -48,7 +48,7 @@ pub const STEP: Bound = Bound {
     max: HORIZON - 2,
     scale: 1.0,
     unit: "TU",
-    description: "the step at whose end the debris is closest to the satellite if no satellite burns",
+    description: "step at whose end the debris is closest to the satellite if no satellite burns",
 };
 /// Bearing from which the debris comes.
 pub const BEARING: Bound = Bound {
@@ -57,8 +57,8 @@ pub const BEARING: Bound = Bound {
     max: 359,
     scale: 1.0,
     unit: "degrees",
-    description: "where the debris is, seen from the satellite, five steps before that, or when it first becomes visible if that \
-            is later",
+    description: "direction from the satellite to the debris, five steps before the encounter, or when the debris first becomes \
+            visible if that is later",
 };
 /// Speed relative to the satellite.
 pub const SPEED: Bound = Bound {
@@ -67,7 +67,7 @@ pub const SPEED: Bound = Bound {
     max: 120,
     scale: 0.1,
     unit: "LU/TU",
-    description: "the debris' speed relative to the satellite at that step, in tenths of LU/TU",
+    description: "speed of the debris relative to the satellite at that step, in tenths of LU/TU",
 };
 /// Least distance to the satellite.
 pub const MISS: Bound = Bound {
@@ -76,7 +76,7 @@ pub const MISS: Bound = Bound {
     max: 200,
     scale: 0.1,
     unit: "LU",
-    description: "how far from the satellite the debris passes, in tenths of LU; below 20 it hits",
+    description: "smallest distance of the debris to the satellite, in tenths of LU; below 20 it hits",
 };
 
 impl Bound {
@@ -96,13 +96,13 @@ impl Bound {
     /// Parses the number from the fields of the object at `path`.
     pub(super) fn parse(&self, path: &str, fields: &Map<String, Value>) -> Result<u32, FieldError> {
         let field = format!("{path}.{}", self.name);
-        let wanted = || format!("a whole number from {} to {} is wanted", self.min, self.max);
+        let wanted = || format!("must be an integer from {} to {}", self.min, self.max);
         let Some(value) = fields.get(self.name) else {
-            return Err(FieldError::new(field, format!("it is missing; {}", wanted())));
+            return Err(FieldError::new(field, format!("is required; {}", wanted())));
         };
         let number = value.as_u64().and_then(|number| u32::try_from(number).ok());
         number.filter(|number| self.contains(*number)).ok_or_else(|| {
-            FieldError::new(field, format!("it is {}; {}", shorten(&value.to_string()), wanted()))
+            FieldError::new(field, format!("{}, got {}", wanted(), shorten(&value.to_string())))
         })
     }
 }
@@ -140,21 +140,21 @@ pub const KINDS: [KindSpec; 3] = [
         name: "threat",
         min_miss: 0,
         max_miss: 19,
-        description: "hits a satellite that does nothing",
+        description: "hits a satellite that does not burn",
     },
     KindSpec {
         kind: EncounterKind::Decoy,
         name: "decoy",
         min_miss: 22,
         max_miss: 80,
-        description: "comes close and misses if no satellite burns",
+        description: "comes close, and misses if no satellite burns",
     },
     KindSpec {
         kind: EncounterKind::Screen,
         name: "screen",
         min_miss: 60,
         max_miss: 200,
-        description: "passes wide, as something more to look at",
+        description: "passes at a distance, as clutter",
     },
 ];
 
@@ -188,7 +188,7 @@ pub const FRAMES: [FrameSpec; 2] = [
     FrameSpec {
         frame: BearingFrame::RadialInTrack,
         name: "radial_in_track",
-        description: "0 is away from the Earth, 90 ahead (prograde), 180 towards the Earth, 270 behind",
+        description: "0 is away from the Earth, 90 ahead (prograde), 180 towards the Earth, 270 behind (retrograde)",
     },
     FrameSpec {
         frame: BearingFrame::Inertial,

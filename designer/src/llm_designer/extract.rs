@@ -28,7 +28,7 @@ impl ExtractedDesigns {
 /// Returns why the answer has no designs, as a sentence that the model can act on.
 pub(super) fn extract_designs(text: &str, max_designs: usize) -> Result<ExtractedDesigns, String> {
     if text.len() > MAX_ANSWER_BYTES {
-        return Err(format!("it is {} bytes long; at most {MAX_ANSWER_BYTES} are read", text.len()));
+        return Err(format!("it has {} bytes, more than {MAX_ANSWER_BYTES}", text.len()));
     }
     let text = text.trim();
     if text.is_empty() {
@@ -43,7 +43,7 @@ pub(super) fn extract_designs(text: &str, max_designs: usize) -> Result<Extracte
         return designs_of_answer(value, max_designs);
     }
     match scan(answer) {
-        found if found.is_empty() => Err(format!("it is no JSON ({error})")),
+        found if found.is_empty() => Err(format!("it is not JSON ({error})")),
         found => Ok(ExtractedDesigns::new(found, max_designs, false)),
     }
 }
@@ -139,7 +139,7 @@ mod tests {
         let reason = |text: &str| extract_designs(text, 3).unwrap_err();
         let deep = "[".repeat(100_000);
         for hostile in [&deep, &"{\"a\":".repeat(40_000), &"{\"a\":[1,".repeat(30_000)] {
-            assert!(reason(hostile).starts_with("it is no JSON"));
+            assert!(reason(hostile).starts_with("it is not JSON"));
         }
         let long = "x".repeat(MAX_ANSWER_BYTES + 1);
         let texts = ["", "42", "[1, 2]", "no", "{\"layouts\": [NaN", &long];
@@ -147,9 +147,9 @@ mod tests {
         it is empty
         it is JSON, but neither an object nor a list of objects
         it is JSON, but neither an object nor a list of objects
-        it is no JSON (expected ident at line 1 column 2)
-        it is no JSON (expected value at line 1 column 14)
-        it is 262145 bytes long; at most 262144 are read
+        it is not JSON (expected ident at line 1 column 2)
+        it is not JSON (expected value at line 1 column 14)
+        it has 262145 bytes, more than 262144
         ");
     }
 }

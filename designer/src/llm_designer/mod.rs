@@ -84,7 +84,7 @@ impl LlmDesigner {
             // Earlier rounds are kept, also refused layouts: they show how well the model does.
             Some(LlmError::Timeout { .. }) if is_over(deadline) => {
                 let seconds = started.elapsed().as_secs_f64();
-                outcome.warnings.push(format!("its time was over after {seconds:.0} s"));
+                outcome.warnings.push(format!("the time limit ended the request after {seconds:.0} s"));
             }
             Some(error) => outcome.warnings.push(error.to_string()),
             None => {}
@@ -193,13 +193,11 @@ async fn judge(
     if found.dropped > 0 {
         let dropped = found.dropped;
         outcome.warnings.push(format!(
-            "round {round}: {dropped} layouts more than twice what was asked for were not looked at"
+            "round {round}: {dropped} layouts were ignored, beyond twice the requested number"
         ));
     }
     if !found.is_pure_json {
-        outcome
-            .warnings
-            .push(format!("round {round}: the answer is not JSON as a whole; layouts were found in it"));
+        outcome.warnings.push(format!("round {round}: the answer has text beside its JSON"));
     }
     let mut refused = Vec::new();
     for design in found.designs {
@@ -219,7 +217,7 @@ async fn judge(
         }
         if !is_short {
             let warning =
-                format!("round {round}: a layout of more than {MAX_DESIGN_BYTES} bytes is not kept");
+                format!("round {round}: a layout of more than {MAX_DESIGN_BYTES} bytes was not stored");
             outcome.warnings.push(warning);
         }
         outcome.judged.push(JudgedLayout { name, design: is_short.then_some(design), round, verdict });
@@ -248,9 +246,9 @@ fn unreadable_exchange(
     round: u32,
     outcome: &mut DesignOutcome,
 ) -> [Message; 2] {
-    let cut = if response.is_truncated { "; it was cut off at the most tokens it may have" } else { "" };
+    let cut = if response.is_truncated { "; it was cut off at the maximum number of tokens" } else { "" };
     let reason = format!("{reason}{cut}");
-    outcome.warnings.push(format!("round {round}: the answer holds no layouts: {reason}"));
+    outcome.warnings.push(format!("round {round}: the answer has no layouts: {reason}"));
     let quoted: String = response.text.chars().take(MAX_QUOTED_CHARS).collect();
     [Message::new(Role::Assistant, quoted), prompt::unreadable(&reason, requested)]
 }

@@ -11,11 +11,11 @@ use crate::profile::{FailureProfile, ModeProfile};
 use crate::refusal::Refusal;
 
 /// Version of the templates.
-const VERSION: &str = "1";
-const SYSTEM: &str = include_str!("../../prompts/1/system.md");
-const USER: &str = include_str!("../../prompts/1/user.md");
-const REPAIR: &str = include_str!("../../prompts/1/repair.md");
-const UNREADABLE: &str = include_str!("../../prompts/1/nonsense.md");
+const VERSION: &str = "2";
+const SYSTEM: &str = include_str!("../../prompts/2/system.md");
+const USER: &str = include_str!("../../prompts/2/user.md");
+const REPAIR: &str = include_str!("../../prompts/2/repair.md");
+const UNREADABLE: &str = include_str!("../../prompts/2/unreadable.md");
 
 /// Maximum number of rows of the failure profile.
 const MAX_PROFILE_ROWS: usize = 16;
@@ -43,7 +43,7 @@ pub struct RefusedLayout<'a> {
     pub refusal: &'a Refusal,
 }
 
-/// Returns the version of the prompt for a brief, such as `kessler-1`.
+/// Returns the version of the prompt for a brief, such as `kessler-2`.
 #[must_use]
 pub fn version(brief: &DesignBrief) -> String {
     let world = brief.recipe.task().world();
@@ -140,26 +140,26 @@ fn params_text(brief: &DesignBrief) -> String {
 
 fn choices_text(brief: &DesignBrief) -> String {
     if brief.param_choices.is_empty() {
-        return "They are fixed: leave the field params out.".to_owned();
+        return "All params are fixed: leave out the field params.".to_owned();
     }
     let row = |choice: &ParamChoice| {
         let values = choice.values.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
         format!("- {}: one of {values}", choice.param)
     };
     let rows = brief.param_choices.iter().map(row).collect::<Vec<_>>().join("\n");
-    format!("A layout may choose these in its field params:\n{rows}")
+    format!("A layout may set these in its field params:\n{rows}")
 }
 
 fn mastery_text(brief: &DesignBrief) -> String {
     match &brief.mastery {
         Some(mastery) if mastery.n > 0 => format!(
-            "on {} contested scenarios of this level it succeeds in {} (between {} and {} with 80 % certainty).",
+            "{1} on {0} contested scenarios of this level (80 % interval: {2} to {3}).",
             mastery.n,
             percent(mastery.mean),
             percent(mastery.q10),
             percent(mastery.q90)
         ),
-        _ => "not known yet.".to_owned(),
+        _ => "unknown.".to_owned(),
     }
 }
 
@@ -173,7 +173,7 @@ struct ProfileRow {
 fn profile_text(profile: &FailureProfile, bands: SpeedBands) -> String {
     let total = profile.total_weight();
     if total <= 0.0 {
-        return "Nothing is known of its failures yet: spread the layouts over aims, bearings, speeds and satellites."
+        return "The failures of the agent are unknown: vary aims, bearings, speeds and satellites."
             .to_owned();
     }
     let rows = profile_rows(profile, bands);
@@ -249,7 +249,7 @@ fn inertial_bearings_text(mode: &ModeProfile) -> Option<String> {
 /// ones fill up.
 fn past_layouts_text(past_layouts: &[PastLayout]) -> String {
     if past_layouts.is_empty() {
-        return "There are none yet.".to_owned();
+        return "None.".to_owned();
     }
     let with =
         |matches: fn(&LayoutOutcome) -> bool| past_layouts.iter().filter(move |past| matches(&past.outcome));
@@ -272,11 +272,11 @@ fn past_layout_text(past: &PastLayout) -> String {
         LayoutOutcome::Refused { check, reason } => {
             format!("refused, {}: {}", identifier(check), quote(reason, MAX_REASON_CHARS))
         }
-        LayoutOutcome::Untested => "admitted; nobody has flown it yet".to_owned(),
+        LayoutOutcome::Untested => "admitted, without episodes".to_owned(),
         LayoutOutcome::Evaluated { episodes, success_rate, aimed_share, is_retired, .. } => {
-            let retired = if *is_retired { "; it serves no longer" } else { "" };
-            let aimed =
-                aimed_share.map(|share| format!("; what went wrong was the aim in {}", percent(share)));
+            let retired = if *is_retired { ", retired" } else { "" };
+            let aimed = aimed_share
+                .map(|share| format!("; {} of its failures were of the aimed mode", percent(share)));
             let aimed = aimed.unwrap_or_default();
             format!(
                 "admitted; the agent succeeded in {} of {episodes} episodes{aimed}{retired}",
@@ -284,5 +284,5 @@ fn past_layout_text(past: &PastLayout) -> String {
             )
         }
     };
-    format!("- {name}, aimed at {mode}{bearing}: {outcome}")
+    format!("- {name}, aim {mode}{bearing}: {outcome}")
 }

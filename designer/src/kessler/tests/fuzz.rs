@@ -90,5 +90,5 @@ fn too_many_encounters_are_refused() {
     let brief = brief_at_level("kessler/survival", 2, 1);
     let design = json!({"name": "x", "aim": {"mode": "collision"}, "encounters": vec![encounter; 10_000]});
     let refusal = empty_gate().judge(&brief, &design, [brief.base_scenario(0)]).unwrap_err();
-    assert_eq!(refusal.to_string(), "encounters: 10000 are given; 1 to 12 are wanted");
+    assert_eq!(refusal.to_string(), "encounters: must have 1 to 12 entries, got 10000");
 }

@@ -256,7 +256,7 @@ fn threat_that_is_seen_too_late_is_unfair() {
     let refusal = verdict(6.0).unwrap_err();
     assert!(matches!(refusal, Refusal::Unseen(_)), "{refusal:?}");
     assert_eq!(refusal.check(), GateCheck::Fair);
-    assert!(refusal.to_string().contains("radar"), "{refusal}");
+    assert!(refusal.to_string().contains("visible"), "{refusal}");
 }
 
 #[test]

@@ -59,7 +59,7 @@ async fn repeated_key_appears_in_no_output() {
     let health = serde_json::to_string(&client.health()).unwrap();
     outputs.extend([format!("{designer:?}"), format!("{client:?}"), health]);
     let logged = String::from_utf8(buffer.0.lock().unwrap().clone()).unwrap();
-    assert!(logged.contains("a call of the language model failed") && logged.len() > 1000, "{logged}");
+    assert!(logged.contains("A call of the language model failed.") && logged.len() > 1000, "{logged}");
     outputs.push(logged);
     for output in outputs {
         assert!(!output.contains(KEY), "{output}");

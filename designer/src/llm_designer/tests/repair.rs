@@ -23,7 +23,7 @@ async fn rejected_layouts_return_with_the_gates_reasons() {
     assert_eq!(rounds, [(1, true), (1, false), (2, true)]);
     let usage = &designed.usage;
     assert_eq!((usage.tokens_in, usage.tokens_out), (200, 100));
-    assert_eq!((usage.model.as_deref(), usage.prompt.as_deref()), (Some("small"), Some("kessler-1")));
+    assert_eq!((usage.model.as_deref(), usage.prompt.as_deref()), (Some("small"), Some("kessler-2")));
     // Only the rejected layout is sent back, with the gate's own words.
     let messages = requests[1]["messages"].as_array().unwrap();
     let roles: Vec<_> = messages.iter().map(|m| m["role"].as_str().unwrap()).collect();
@@ -33,7 +33,7 @@ async fn rejected_layouts_return_with_the_gates_reasons() {
     let Err(refusal) = &designed.judged[1].verdict else { panic!() };
     let text = messages[3]["content"].as_str().unwrap();
     assert!(text.contains(&refusal.to_string()), "{text}");
-    assert!(text.contains("encounters.0.step: it is 99; a whole number from 3 to 48 is wanted"), "{text}");
+    assert!(text.contains("encounters.0.step: must be an integer from 3 to 48, got 99"), "{text}");
     assert_eq!(
         requests[1].pointer("/response_format/json_schema/schema/properties/layouts/maxItems"),
         Some(&json!(1))
@@ -76,7 +76,7 @@ async fn unreadable_answer_is_asked_for_again() {
         let (designed, requests) = design_with([text.to_owned(), layouts(&good_designs(1))], 1).await;
         assert_eq!((designed.admitted(), designed.warnings.len(), requests.len()), (1, 1, 2), "{text}");
         let reply = requests[1]["messages"][3]["content"].as_str().unwrap();
-        assert!(reply.starts_with("That answer could not be read: it is"), "{reply}");
+        assert!(reply.starts_with("Your answer is not valid: it is"), "{reply}");
     }
     let (designed, requests) = design_with(["no".to_owned()], 1).await;
     assert_eq!((designed.judged.len(), designed.warnings.len(), requests.len()), (0, 4, 4));
@@ -108,7 +108,7 @@ async fn oversized_answers_are_cut_or_rejected() {
     assert_eq!(designed.admitted(), 1);
     let rejected = &designed.judged[0];
     let Err(refusal) = &rejected.verdict else { panic!() };
-    assert_eq!(refusal.to_string(), "encounters: 1000 are given; 1 to 12 are wanted");
+    assert_eq!(refusal.to_string(), "encounters: must have 1 to 12 entries, got 1000");
     // The design is neither stored nor sent back.
     assert_eq!(rejected.design, None);
     assert!(requests[1].to_string().len() < 30_000);
@@ -117,14 +117,11 @@ async fn oversized_answers_are_cut_or_rejected() {
     assert_eq!((designed.judged.len(), designed.warnings.len()), (0, 4));
     let server = start_endpoint([answer(&layouts(&[with_encounters(10_000)]))]).await;
     let error = design(&LlmClient::new(test_config(&server.uri())).unwrap(), 1).await.unwrap_err();
-    assert_eq!(error.to_string(), "the model's answer makes no sense: it is longer than 1048576 bytes");
+    assert_eq!(error.to_string(), "the model's response is invalid: it has more than 1048576 bytes");
     let tiny = json!({"aim": {}, "encounters": []});
     let (designed, _) = design_with([layouts(&vec![tiny; 1_000]), layouts(&good_designs(1))], 1).await;
     assert_eq!((designed.judged.len(), designed.admitted()), (3, 1));
-    assert_eq!(
-        designed.warnings,
-        ["round 1: 998 layouts more than twice what was asked for were not looked at"]
-    );
+    assert_eq!(designed.warnings, ["round 1: 998 layouts were ignored, beyond twice the requested number"]);
     // Takes milliseconds; the bound allows for a busy machine.
     assert!(started.elapsed() < Duration::from_secs(60));
 }
@@ -136,7 +133,7 @@ async fn layouts_before_an_error_are_kept() {
     let server = start_endpoint([first, ResponseTemplate::new(401)]).await;
     let designed = design(&LlmClient::new(test_config(&server.uri())).unwrap(), 2).await.unwrap();
     assert_eq!((designed.admitted(), designed.judged.len()), (1, 2));
-    assert_eq!(designed.warnings, ["the model's endpoint refused with status 401: "]);
+    assert_eq!(designed.warnings, ["the model's endpoint returned status 401: "]);
 }
 
 #[tokio::test]

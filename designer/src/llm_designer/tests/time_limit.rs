@@ -24,7 +24,7 @@ async fn layouts_before_the_time_limit_are_kept() {
     let ScriptedModel { client, calls } = slow_client();
     let designed = design_within(&client, 4, 250).await.unwrap();
     assert_eq!((designed.admitted(), designed.usage.rounds, calls.get()), (1, 2, 3));
-    assert_eq!(designed.warnings, ["its time was over after 250 s"]);
+    assert_eq!(designed.warnings, ["the time limit ended the request after 250 s"]);
     // The third call was sent but not answered: its prompt counts.
     let usage = &designed.usage;
     assert!(usage.tokens_in > 200 && usage.tokens_out == 100, "{usage:?}");
@@ -36,7 +36,7 @@ async fn layouts_before_the_time_limit_are_kept() {
     let ScriptedModel { client, calls } = slow_client();
     let designed = design_within(&client, 4, 200).await.unwrap();
     assert_eq!((designed.usage.rounds, calls.get()), (2, 2));
-    assert_eq!(designed.warnings, ["its time was over after 200 s"]);
+    assert_eq!(designed.warnings, ["the time limit ended the request after 200 s"]);
 }
 
 #[tokio::test(start_paused = true)]
