@@ -36,9 +36,9 @@ test("a run is created, paused, resumed, archived and restored", async () => {
   await page.getByText("No runs yet").waitFor();
   await press(page, "New run");
   const dialog = page.getByRole("dialog");
-  await dialog.getByLabel("Id").fill("mine");
+  await dialog.getByLabel("ID (generated if empty)").fill("mine");
   await dialog.getByLabel("Strategy").selectOption("uniform");
-  await dialog.getByLabel("Episodes per scenario").fill("4");
+  await dialog.getByLabel("Rollouts per scenario").fill("4");
   await dialog.getByLabel("kessler/survival").check();
   await dialog.getByRole("button", { name: "Create" }).click();
   await page.getByRole("article", { name: "mine" }).waitFor();
@@ -56,7 +56,7 @@ test("a run is created, paused, resumed, archived and restored", async () => {
   await press(page, "Archive mine");
   await waitFor(getRun, (run) => run.archived_at !== null);
   await page.getByText("No runs yet").waitFor();
-  await page.getByLabel("Archived").check();
+  await page.getByLabel("Show archived").check();
   await press(page, "Resume mine");
   await waitFor(getRun, (run) => run.archived_at === null);
   expect(problems).toEqual([]);
@@ -71,7 +71,7 @@ test("a rejected request is reported in its dialog", async () => {
   await visit(page, server.url, "/");
   await press(page, "New run");
   const dialog = page.getByRole("dialog");
-  await dialog.getByLabel("Id").fill("taken");
+  await dialog.getByLabel("ID (generated if empty)").fill("taken");
   await dialog.getByRole("button", { name: "Create" }).click();
   expect(await dialog.getByRole("alert").textContent()).toContain("taken");
   await page.keyboard.press("Escape");
@@ -88,7 +88,7 @@ test("designs are requested, shown, retired and played", async () => {
   );
   const { page, problems } = await fixture.openPage();
   await visit(page, server.url, "/runs/beaten/designs");
-  await page.getByLabel("Count").fill("3");
+  await page.getByLabel("Layouts", { exact: true }).fill("3");
   await page.getByRole("button", { name: "Request", exact: true }).click();
   await page.getByText(/Request ask-/).waitFor();
   const { designs } = await waitFor(
@@ -131,7 +131,7 @@ test("two evaluated policies are compared", async () => {
   await checkbox("heuristic", "A").check({ timeout: EVALUATION_TIMEOUT_MS });
   await checkbox("hold", "B").check({ timeout: EVALUATION_TIMEOUT_MS });
   await press(page, "Compare A with B");
-  await page.getByText("Difference in success").waitFor();
+  await page.getByText("Difference in success rate, A").waitFor();
   const cells = await page.locator("tbody tr").first().locator("td").allTextContents();
   expect(cells[2]).toMatch(/^[1-9]\d*\.\d % \[[1-9]/); // better than holding: a positive difference
   expect(problems).toEqual([]);
@@ -151,7 +151,7 @@ test("the address sets the episode filter, and terms have help", async () => {
   await expect.poll(() => rows.count()).toBe(12 - failed);
   expect(page.url()).toContain("success=true&order=oldest");
   // The link removes the filter, and the back button restores it.
-  await page.getByRole("link", { name: "episodes", exact: true }).click();
+  await page.getByRole("link", { name: "Episodes", exact: true }).click();
   await expect.poll(() => rows.count()).toBe(12);
   expect(await page.getByLabel("Outcome").inputValue()).toBe("");
   await page.goBack();

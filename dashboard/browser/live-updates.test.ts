@@ -53,7 +53,7 @@ test("a chart exports its values as CSV", async () => {
   const text = await readFile(await download.path(), "utf8");
   const [header, firstRow] = text.split("\n");
   expect(header).toBe(
-    'time,"mastery","mastery, low","mastery, high","contested","all episodes","blind panel"',
+    'time,"mastery","mastery, low","mastery, high","contested scenarios","all episodes","blind panel"',
   );
   expect(firstRow).toMatch(/^\d{4}-\d\d-\d\dT/);
   const series = await server.get<{ tasks: { success: number[] }[] }>("/v1/runs/run/series?points=600");

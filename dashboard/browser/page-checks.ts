@@ -39,7 +39,7 @@ export async function pagesOfTrainedRun(url: string, run: string): Promise<Recor
 export const PAGES_OF_EMPTY_RUN: Record<string, PageCase> = {
   runs: { route: "/", text: "Active leases" },
   run: { route: "/runs/new", text: "No episodes yet" },
-  failures: { route: "/runs/new/failures", text: "No critiques yet" },
+  failures: { route: "/runs/new/failures", text: "No episodes analysed yet" },
   episodes: { route: "/runs/new/episodes", text: "No episodes yet" },
   designs: { route: "/runs/new/designs", text: "No designs yet" },
   evaluations: { route: "/evaluations", text: "No evaluations yet" },

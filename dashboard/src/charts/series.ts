@@ -7,6 +7,8 @@ export interface Curve {
   /** Lower and upper bound around the values. */
   low?: (number | null)[];
   high?: (number | null)[];
+  /** Meaning of these bounds, for the legend. */
+  bounds?: string;
   dashed?: boolean;
   /** True if the value is constant between points: drawn as steps. */
   stepped?: boolean;

@@ -41,14 +41,14 @@ export async function unwrap<T>(request: Promise<ApiResult<T>>): Promise<T> {
   try {
     result = await request;
   } catch {
-    throw new ApiError(0, "The service does not respond.");
+    throw new ApiError(0, "The server does not respond. Check that `sparring serve` runs at this address.");
   }
   if (result.response.ok && result.data !== undefined) return escapeControlCharacters(result.data);
   const problem = escapeControlCharacters(result.error ?? {}) as { detail?: string; field?: string };
   if (result.response.status === 403) session.readRole(problem.detail ?? "");
   throw new ApiError(
     result.response.status,
-    problem.detail ?? `The service responded with status ${String(result.response.status)}.`,
+    problem.detail ?? `The server responded with status ${String(result.response.status)}.`,
     problem.field,
   );
 }

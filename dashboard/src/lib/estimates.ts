@@ -12,7 +12,7 @@ export const MEASURES = [
 export type Measure = (typeof MEASURES)[number];
 
 export const MEASURE_LABELS: Record<Measure, string> = {
-  success: "Success",
+  success: "Success rate",
   score: "Score",
   skill: "Skill",
   lost: "Agents lost",

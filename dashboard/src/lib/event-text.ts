@@ -12,15 +12,15 @@ function text(value: unknown): string {
 
 /** Texts for kinds of events without data. */
 const KINDS: Record<string, string> = {
-  run: "the run was changed",
-  lease: "a lease changed",
-  group: "a group finished",
-  move: "a level moved",
-  claim: "columns were reported",
-  failures: "episodes were criticised",
-  design: "layouts were designed",
-  warning: "a warning was raised",
-  gap: "events are missing",
+  run: "run changed",
+  lease: "lease changed",
+  group: "group finished",
+  move: "level moved",
+  claim: "columns reported",
+  failures: "failure analysis finished",
+  design: "layouts designed",
+  warning: "warning",
+  gap: "events missing",
 };
 
 /** Describes an event by its kind only. */
@@ -48,7 +48,7 @@ export function eventText({ kind, data }: RunEvent): string {
     case "claim":
       return `${count(Number(data["episodes"]))} episodes in columns: ${text(data["state"])} ${text(data["reason"])}`;
     case "failures":
-      return `${task}: ${text(data["criticised"])} episodes criticised`;
+      return `${task}: failure analysis of ${text(data["criticised"])} episodes finished`;
     case "design":
       return `${task}: ${text(data["designer"])} designed; ${text(data["admitted"])} admitted, ${text(data["refused"])} refused ${text(data["error"])}`;
     case "warning":

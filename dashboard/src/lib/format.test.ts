@@ -28,7 +28,7 @@ describe("formatted numbers", () => {
   });
   test("relative times", () => {
     const now = Date.UTC(2026, 0, 2);
-    expect([ago(now - 5_000, now), ago(now - 7_200_000, now)]).toEqual(["5s ago", "2h ago"]);
+    expect([ago(now - 5_000, now), ago(now - 7_200_000, now)]).toEqual(["5 sec. ago", "2 hr. ago"]);
   });
   test("task names omit the world", () => {
     expect(shortTask("kessler/eco_station")).toBe("eco station");

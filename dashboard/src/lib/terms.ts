@@ -15,11 +15,11 @@ export const TERMS = {
   regret:
     "Mean shortfall of agents on a layout: 1 − skill; on a decoy, the missing share of the reference's score.",
   "as aimed":
-    "Share of the failed, criticised episodes on the layout that have the failure it was designed for.",
+    "Share of the failed, analysed episodes on the layout that have the failure it was designed for.",
   decoy: "A layout that looks dangerous although holding is right: it tests whether the agent wastes fuel.",
   avoidable: "Failure that a burn could still have averted when the danger first became visible.",
   "zero variance":
-    "A group whose episodes all have the same score: group-relative algorithms (GRPO) learn nothing from it.",
+    "A group whose episodes all have the same score: group-relative algorithms (GRPO) get no learning signal from it.",
   role: "Purpose of the scenario: current level (frontier), search for the initial level (placement), earlier levels (rehearsal), a designed layout, or the suite of an evaluation; other strategies have more.",
 } as const;
 

@@ -130,7 +130,7 @@ export class ManualFlight {
         await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
       }
     }
-    this.unavailable = "the service is too busy to compute it";
+    this.unavailable = "not computed: the server is too busy";
     return null;
   }
 }

@@ -9,8 +9,8 @@ interface Projection {
 }
 
 const PROJECTIONS: Projection[] = [
-  { title: "radial and in-track, m", project: (deputy) => [deputy.x, deputy.y] },
-  { title: "radial and cross-track, m", project: (deputy) => [deputy.x, deputy.z] },
+  { title: "right: radial (m), up: in-track (m)", project: (deputy) => [deputy.x, deputy.y] },
+  { title: "right: radial (m), up: cross-track (m)", project: (deputy) => [deputy.x, deputy.z] },
 ];
 
 /** Largest distances of the deputies in a replay, in metres. */
@@ -161,7 +161,7 @@ function drawSpeedLimit(
   ctx.strokeStyle = colours.line;
   ctx.strokeRect(left, top, size, size);
   ctx.fillStyle = colours.soft;
-  ctx.fillText("speed, m/s, over distance, m", left, top - 6);
+  ctx.fillText("right: distance (m), up: speed (m/s)", left, top - 6);
   drawAxisEnds(ctx, [left, top, size], ["0", formatLength(reach)], ["0", formatLength(fastest)]);
   ctx.strokeStyle = colours.bad;
   ctx.setLineDash([6, 4]);
