@@ -126,7 +126,7 @@ impl StrategyState for Adr {
         for plan in &settings.tasks {
             let axes = LevelScale::new(plan).len();
             if self.tasks.get(&plan.task).is_some_and(|bounds| bounds.len() != axes) {
-                return Err(format!("{} has other params than its table", plan.task));
+                return Err(format!("the params of {} differ from its table", plan.task));
             }
         }
         Ok(self)

@@ -338,10 +338,10 @@ fn settings_round_trip_through_json_exactly() {
     stored.tasks[1].task = "unknown/task".to_owned();
     let error = Settings::try_from(stored.clone()).unwrap_err();
     assert_eq!(error.field, "tasks.1.task");
-    assert!(error.reason.contains("known are kessler/survival"), "{error}");
+    assert!(error.reason.contains("must be one of kessler/survival"), "{error}");
     stored.tasks[1].task = SURVIVAL.to_owned();
     stored.tasks[1].columns[0] = "nothing".to_owned();
-    assert_eq!(Settings::try_from(stored).unwrap_err().field, "tasks.1.levels");
+    assert_eq!(Settings::try_from(stored).unwrap_err().field, "tasks.1.levels.columns.nothing");
 }
 
 #[test]

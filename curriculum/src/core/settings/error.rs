@@ -17,15 +17,13 @@ impl SettingsError {
         Self { field: field.into(), reason: reason.into() }
     }
 
-    /// Converts the error of a scenario, whose message begins with its field.
+    /// Converts the error of a scenario.
     pub(crate) fn from_scenario_error(error: &ScenarioError) -> Self {
-        let (field, message) = (error.field(), error.to_string());
-        let reason = message.strip_prefix(field).unwrap_or(&message).trim_start_matches([':', ' ']);
-        Self::new(field, reason)
+        Self::new(error.field(), error.reason())
     }
 
     pub(crate) fn unknown_task(field: &str, task: &str) -> Self {
         let known = env_core::tasks().map(|spec| spec.id()).collect::<Vec<_>>().join(", ");
-        Self::new(field, format!("{task:?} is not a task; known are {known}"))
+        Self::new(field, format!("must be one of {known}, got {task:?}"))
     }
 }

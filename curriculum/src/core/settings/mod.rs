@@ -10,6 +10,7 @@ mod strategy_kind;
 mod target;
 mod task_plan;
 
+use env_core::format_shortest;
 use serde::{Deserialize, Serialize};
 
 pub use self::error::SettingsError;
@@ -87,17 +88,20 @@ impl Settings {
             [("contested_share", self.contested_share), ("frontier_share", self.frontier_share)]
         {
             if !(0.0..=1.0).contains(&share) {
-                return Err(SettingsError::new(field, format!("is {share}, outside 0 to 1")));
+                return Err(SettingsError::new(
+                    field,
+                    format!("must be from 0 to 1, got {}", format_shortest(share)),
+                ));
             }
         }
         if self.tasks.is_empty() {
-            return Err(SettingsError::new("tasks", "is empty; a run needs at least one task"));
+            return Err(SettingsError::new("tasks", "must have at least one task"));
         }
         for (at, plan) in self.tasks.iter().enumerate() {
             if self.tasks[..at].iter().any(|earlier| earlier.task == plan.task) {
                 return Err(SettingsError::new(
                     format!("tasks.{at}.task"),
-                    format!("{} is listed twice", plan.task),
+                    format!("repeats {}; list it once", plan.task),
                 ));
             }
             plan.validate(&format!("tasks.{at}"))?;

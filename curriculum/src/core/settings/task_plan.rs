@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use env_core::Recipe;
 use env_core::space::Levels;
 use env_core::task::PHYSICS;
+use env_core::{Recipe, format_shortest};
 use serde::{Deserialize, Serialize};
 
 use super::error::SettingsError;
@@ -92,26 +92,26 @@ impl TaskPlan {
             return Err(SettingsError::unknown_task(&format!("{field}.task"), &self.task));
         };
         if !(self.weight.is_finite() && self.weight > 0.0) {
-            let reason = format!("is {}, but must be a number above 0", self.weight);
+            let reason = format!("must be a number above 0, got {}", format_shortest(self.weight));
             return Err(SettingsError::new(format!("{field}.weight"), reason));
         }
         let columns = self.levels.columns();
         if let Some(twice) = (1..columns.len()).find(|&at| columns[..at].contains(&columns[at])) {
-            let reason = format!("names the column {} twice", columns[twice]);
+            let reason = format!("has the column {} twice; list it once", columns[twice]);
             return Err(SettingsError::new(format!("{field}.levels"), reason));
         }
         Levels::new(spec.params(), columns.to_vec(), self.rows())
-            .map_err(|error| SettingsError::new(format!("{field}.levels"), error.to_string()))?;
+            .map_err(|error| SettingsError::new(format!("{field}.{}", error.field()), error.reason()))?;
         for (at, (name, value)) in self.default_params.iter().enumerate() {
             let param_field = || format!("{field}.default_params.{name}");
             let Some(param) = spec.params().iter().find(|param| param.name == name) else {
                 let known = env_core::space::param_names(spec.params());
-                let reason = format!("is not a param of the task; known are {known}");
+                let reason = format!("is not a param of the task; the params are {known}");
                 return Err(SettingsError::new(param_field(), reason));
             };
-            param.check(*value).map_err(|error| SettingsError::new(param_field(), error.to_string()))?;
+            param.check(*value).map_err(|error| SettingsError::new(param_field(), error.reason()))?;
             if self.default_params[..at].iter().any(|(earlier, _)| earlier == name) {
-                return Err(SettingsError::new(param_field(), "is given twice"));
+                return Err(SettingsError::new(param_field(), "is given twice; list it once"));
             }
         }
         parse_physics(&self.task, &format!("{field}.physics"), &self.physics).map(|_| ())
@@ -157,7 +157,7 @@ impl TryFrom<StoredTaskPlan> for TaskPlan {
         let spec =
             env_core::task(&stored.task).ok_or_else(|| SettingsError::unknown_task("task", &stored.task))?;
         let levels = Levels::new(spec.params(), stored.columns, stored.rows)
-            .map_err(|error| SettingsError::new("levels", error.to_string()))?;
+            .map_err(|error| SettingsError::new(error.field(), error.reason()))?;
         let StoredTaskPlan { task, weight, default_params, physics, .. } = stored;
         Ok(Self { task, weight, levels, default_params, physics })
     }

@@ -131,7 +131,10 @@ impl StrategyState for Ladder {
                 TaskStage::Level(stage) => stage.level <= hardest_level,
             };
             if !fits {
-                return Err(format!("{} is above the top of its table, {hardest_level}", plan.task));
+                return Err(format!(
+                    "the level of {} is above the hardest level of its table, {hardest_level}",
+                    plan.task
+                ));
             }
         }
         Ok(self)

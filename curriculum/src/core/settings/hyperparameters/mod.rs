@@ -53,8 +53,11 @@ impl Hyperparameters {
             let Some(at) = parsed.specs.iter().position(|spec| spec.name == name) else {
                 let known: Vec<&str> = parsed.specs.iter().map(|spec| spec.name).collect();
                 let reason = match known.is_empty() {
-                    true => format!("is given, but {strategy} has no settings of its own"),
-                    false => format!("is no setting of {strategy}; it has {}", known.join(", ")),
+                    true => format!("must be left out: the strategy {strategy} has no settings"),
+                    false => format!(
+                        "is not a setting of the strategy {strategy}; its settings are {}",
+                        known.join(", ")
+                    ),
                 };
                 return Err(SettingsError::new(field(), reason));
             };
@@ -71,7 +74,7 @@ impl Hyperparameters {
             if let (Some(low), Some(high)) = (value(lower), value(upper))
                 && low > high
             {
-                let reason = format!("is {low}, but may not be above {upper}, which is {high}");
+                let reason = format!("must be at most {upper}, which is {high}, got {low}");
                 return Err(SettingsError::new(format!("strategy_settings.{lower}"), reason));
             }
         }
@@ -145,7 +148,7 @@ mod tests {
             (StrategyKind::Plr, json!({"capacity": 1}), "filled"),
         ] {
             let refused = parse(strategy, given).unwrap_err();
-            assert!(refused.contains(field) && refused.contains("may not be above"), "{refused}");
+            assert!(refused.contains(field) && refused.contains("must be at most"), "{refused}");
         }
     }
 
@@ -165,14 +168,17 @@ mod tests {
     fn invalid_hyperparameter_error_names_its_field() {
         let error = |strategy, given| parse(strategy, given).unwrap_err();
         let unknown = error(StrategyKind::Plr, json!({"betta": 0.3}));
-        assert!(unknown.starts_with("strategy_settings.betta is no setting of plr; it has "), "{unknown}");
+        assert!(
+            unknown.starts_with("strategy_settings.betta is not a setting of the strategy plr; "),
+            "{unknown}"
+        );
         let over = error(StrategyKind::Plr, json!({"replay": 1.5}));
-        assert_eq!(over, "strategy_settings.replay is 1.5, but must be a number from 0 to 1");
+        assert_eq!(over, "strategy_settings.replay must be a number from 0 to 1, got 1.5");
         let none = error(StrategyKind::Uniform, json!({"replay": 0.5}));
-        assert!(none.contains("uniform has no settings of its own"), "{none}");
+        assert!(none.contains("the strategy uniform has no settings"), "{none}");
         let choice = error(StrategyKind::Plr, json!({"score": "luck"}));
         assert!(choice.contains("must be one of regret,"), "{choice}");
         let fraction = error(StrategyKind::Plr, json!({"capacity": 10.5}));
-        assert!(fraction.contains("whole number"), "{fraction}");
+        assert!(fraction.contains("must be an integer"), "{fraction}");
     }
 }

@@ -54,11 +54,11 @@ impl ValueRange {
     /// Parses a JSON value into a number: a choice becomes its index.
     ///
     /// # Errors
-    /// Returns the end of a sentence ("is 2, but must be …") if the value is of another type or outside the range.
+    /// Returns the end of a sentence ("must be …, got 2") if the value is of another type or outside the range.
     pub(crate) fn parse(self, value: &Value) -> Result<f64, String> {
         let wanted = self.expectation();
         let shown = shorten(&value.to_string(), MAX_QUOTED_CHARS);
-        let wrong = || format!("is {shown}, but must be {wanted}");
+        let wrong = || format!("must be {wanted}, got {shown}");
         match self {
             Self::Number { min, max, .. } => {
                 value.as_f64().filter(|number| (min..=max).contains(number)).ok_or_else(wrong)
@@ -79,7 +79,7 @@ impl ValueRange {
     pub fn expectation(self) -> String {
         match self {
             Self::Number { min, max, .. } => format!("a number from {min} to {max}"),
-            Self::Whole { min, max, .. } => format!("a whole number from {min} to {max}"),
+            Self::Whole { min, max, .. } => format!("an integer from {min} to {max}"),
             Self::Choice(choices) => format!("one of {}", choices.join(", ")),
         }
     }
