@@ -32,7 +32,7 @@ class Session {
 
   /** Reads the role from the detail of a 403 response, which ends with it. */
   readRole(detail: string) {
-    this.role = ROLES.find((role) => detail.endsWith(`yours is ${role}`)) ?? this.role;
+    this.role = ROLES.find((role) => detail.endsWith(` ${role}`)) ?? this.role;
   }
 
   /** Returns the reason why an action that needs `role` is unavailable; undefined if it is available or the role is unknown. */
