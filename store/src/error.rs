@@ -34,12 +34,12 @@ pub enum Outage {
     Locked,
     /// Reads or writes fail.
     #[error(
-        "the disk fails, or the file or its folder cannot be accessed; the server's log has the system error"
+        "the disk failed, or the file or its folder cannot be accessed; the server's log has the system error"
     )]
     Disk,
     /// The file was removed or replaced: writes would be lost.
     #[error(
-        "the database's file, or the .lock beside it, was removed or replaced while it was served; nothing more is taken: stop the server, put the file back, and start it again"
+        "the file of the database, or its .lock file, was removed or replaced while the server ran; stop the server, restore the file, and start it again"
     )]
     Gone,
 }

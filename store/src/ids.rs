@@ -61,7 +61,7 @@ impl FromStr for RunId {
         if (1..=64).contains(&text.len()) && text.chars().all(is_valid) {
             Ok(Self(text.to_owned()))
         } else {
-            Err(InvalidId("a run's id is 1 to 64 of a-z, 0-9, - and _"))
+            Err(InvalidId("must be 1 to 64 characters of a-z, 0-9, - and _"))
         }
     }
 }
@@ -85,7 +85,7 @@ impl FromStr for LeaseId {
     type Err = InvalidId;
 
     fn from_str(text: &str) -> Result<Self, InvalidId> {
-        let invalid = InvalidId("a lease's id is a number, a dash and six letters or digits, as 42-x7k2p9");
+        let invalid = InvalidId("must be the id of a lease, such as 42-x7k2p9");
         let (number, suffix) = text.split_once('-').ok_or_else(|| invalid.clone())?;
         // A lease has one id: neither 042 nor +42 is a number of a lease.
         let is_canonical = |n: &i64| *n > 0 && n.to_string() == number;
@@ -106,7 +106,7 @@ impl FromStr for EpisodeId {
     type Err = InvalidId;
 
     fn from_str(text: &str) -> Result<Self, InvalidId> {
-        let invalid = InvalidId("an episode's id is ep_<lease>_<index>, as ep_42-x7k2p9_3");
+        let invalid = InvalidId("must be the id of an episode, such as ep_42-x7k2p9_3");
         let (lease, index) =
             text.strip_prefix("ep_").and_then(|rest| rest.split_once('_')).ok_or_else(|| invalid.clone())?;
         let index = index.parse::<i64>().ok().filter(|i| (0..1_000_000_000).contains(i));
@@ -135,7 +135,7 @@ impl FromStr for LayoutId {
 
     fn from_str(text: &str) -> Result<Self, InvalidId> {
         let number = parse_numbered(text, "layout");
-        number.map(Self).ok_or(InvalidId("a layout's id is layout- and a number, as layout-7"))
+        number.map(Self).ok_or(InvalidId("must be the id of a layout, such as layout-7"))
     }
 }
 
@@ -150,7 +150,7 @@ impl FromStr for DesignRequestId {
 
     fn from_str(text: &str) -> Result<Self, InvalidId> {
         let number = parse_numbered(text, "ask");
-        number.map(Self).ok_or(InvalidId("the id of a design request is `ask-` and a number, such as ask-7"))
+        number.map(Self).ok_or(InvalidId("must be the id of a design request, such as ask-7"))
     }
 }
 
@@ -165,7 +165,7 @@ impl FromStr for EvaluationId {
 
     fn from_str(text: &str) -> Result<Self, InvalidId> {
         let number = parse_numbered(text, "eval");
-        number.map(Self).ok_or(InvalidId("an evaluation's id is eval- and a number, as eval-7"))
+        number.map(Self).ok_or(InvalidId("must be the id of an evaluation, such as eval-7"))
     }
 }
 

@@ -119,7 +119,7 @@ pub async fn check_file(conn: &mut SqliteConnection) -> Result<Vec<String>, Stor
             .await?;
     found.extend(dangling.into_iter().map(|(table, row, parent)| {
         let row = row.map_or_else(String::new, |row| format!(" {row}"));
-        format!("row{row} of {table} refers to a row of {parent} that is not there")
+        format!("row{row} of {table} refers to a missing row of {parent}")
     }));
     Ok(found)
 }
@@ -137,8 +137,7 @@ pub async fn check_rows(conn: &mut SqliteConnection) -> Result<Vec<String>, Stor
            LIMIT 20"#
     );
     for row in logs.fetch_all(&mut *conn).await? {
-        found
-            .push(format!("episode {} of lease {} was rolled out and has no actions", row.number, row.lease));
+        found.push(format!("episode {} of lease {} has an outcome but no actions", row.number, row.lease));
     }
     let groups = query!(
         r#"SELECT g.lease AS "lease!", g.number AS "number!", g.finished AS "finished!",
@@ -153,7 +152,7 @@ pub async fn check_rows(conn: &mut SqliteConnection) -> Result<Vec<String>, Stor
     );
     for row in groups.fetch_all(conn).await? {
         found.push(format!(
-            "group {} of lease {} counts {} finished episodes, and has {}",
+            "group {} of lease {} counts {} finished episodes but has {}",
             row.number, row.lease, row.finished, row.there
         ));
     }

@@ -149,7 +149,7 @@ async fn migrate(
         })?;
         tracing::info!(
             from = schema, to = known, copy = %copy.display(),
-            "The database is migrated to a newer schema; a copy of the old one is kept beside it."
+            "The database is migrated to a newer schema; its folder keeps a copy of the old one."
         );
     }
     migrations.run(connection).await.map_err(|error| match error {

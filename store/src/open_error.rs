@@ -16,7 +16,7 @@ pub enum OpenError {
     )]
     Damaged(String),
     /// The database belongs to another application.
-    #[error("{0} is a database, but not one of Sparring's: give another path with --db")]
+    #[error("{0} is a database of another application: give another path with --db")]
     Foreign(String),
     /// A newer version wrote the database.
     #[error(
@@ -54,17 +54,17 @@ pub enum OpenError {
     )]
     Linked(String),
     /// The path is a folder or a device.
-    #[error("{0} is no file: give the path of a file, which need not be there yet, with --db")]
+    #[error("{0} is not a file: give the path of a new or existing file with --db")]
     NoFile(String),
     /// The disk is full.
-    #[error("{0}: the disk is full, or the file may not grow; make room and try again")]
+    #[error("{0} cannot be written: the disk is full, or the file may not grow; free some space and retry")]
     Full(String),
     /// The file or its folder does not exist, or may not be opened.
-    #[error("{0} cannot be opened: the file or its folder does not exist or may not be opened")]
+    #[error("{0} cannot be opened: the file or its folder does not exist, or the process may not open it")]
     NoFolder(String),
     /// The database needs a migration, and the copy before it cannot be made.
     #[error(
-        "{path} has an older schema ({schema}), and a copy of it could not be made before it is changed: {reason}; make room beside it, or move it"
+        "{path} has an older schema ({schema}) and was not migrated, because the copy before the migration failed: {reason}; free some space in its folder, or move it"
     )]
     NoCopy {
         /// Path of the database.

@@ -59,7 +59,7 @@ pub(crate) fn unpack<'a>(item: &'static str, stored: &'a [u8]) -> Result<Cow<'a,
     }
     let blob = zstd::bulk::decompress(frame, length).map_err(|error| StoreError::corrupt(item, error))?;
     if blob.len() != length {
-        let why = format!("it has {} bytes, and should have {length}", blob.len());
+        let why = format!("it has {} bytes instead of {length}", blob.len());
         return Err(StoreError::corrupt(item, why));
     }
     Ok(Cow::Owned(blob))

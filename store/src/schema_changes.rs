@@ -81,7 +81,7 @@ async fn database_is_unchanged_if_its_copy_fails() {
     std::fs::create_dir_all(copy_path(&path, schema, "").join("full")).expect("a folder");
     let error = open_writer_with(&path, &future).await.expect_err("an error");
     assert!(matches!(&error, OpenError::NoCopy { schema: found, .. } if *found == schema), "{error:?}");
-    let message = format!("has an older schema ({schema}), and a copy of it could not be made");
+    let message = format!("has an older schema ({schema}) and was not migrated");
     assert!(error.to_string().contains(&message), "{error}");
     assert_eq!(std::fs::read(&path).expect("a file"), before);
     assert!(!copy_path(&path, schema, ".unfinished").exists());
