@@ -43,6 +43,8 @@ pub struct AuditLogQuery {
     #[serde(default)]
     pub denied: bool,
     /// Largest number of entries on a page, from 1 to 500 (default 50).
+    #[param(minimum = 1, maximum = 500, default = 50)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 500>")]
     pub limit: Option<u32>,
     /// Field `next` of the previous page.
     pub cursor: Option<String>,

@@ -25,7 +25,7 @@ pub struct ColumnClaim {
     pub audited_groups: Vec<AuditedGroup>,
 }
 
-/// Group of a claim whose logs are due.
+/// Audited group of a claim: the trainer must report its logs.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct AuditedGroup {
     /// Number of the group in the lease, from 0.

@@ -23,7 +23,7 @@ pub struct CritiqueFailure {
     pub agent: u32,
     /// Step of the failure, from 1.
     pub step: u32,
-    /// Geometry of the encounter; null if no body was met.
+    /// Geometry of the encounter; null for a failure without one.
     pub encounter: Option<CritiqueEncounter>,
     /// Further measures of the failure mode.
     pub measures: Vec<FailureMeasure>,
@@ -45,9 +45,9 @@ pub struct FailureMeasure {
 /// Geometry of an encounter.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct CritiqueEncounter {
-    /// Id of the body that was met, among the bodies of its kind.
+    /// Id of the encountered body, among the bodies of its kind.
     pub body: u32,
-    /// Bearing of the body some steps before, seen from the agent: degrees in [0, 360) from radial out towards in-track.
+    /// Bearing from the agent to the body a few steps before the contact: degrees in [0, 360) from radial out towards in-track.
     pub bearing_deg: f64,
     /// The same bearing from +X towards +Y of the inertial frame; null in a world without such a frame.
     pub bearing_inertial_deg: Option<f64>,
@@ -59,9 +59,10 @@ pub struct CritiqueEncounter {
     pub band: u32,
     /// First step after which the body was visible, 0 at the start; null if it never was.
     pub first_visible_step: Option<u32>,
-    /// Number of steps from then to the contact in which an agent could still act.
+    /// Number of steps from `first_visible_step` to the contact in which the agent could act.
     pub steps_left: u32,
-    /// True if acting from that step on, with the fuel left, would have avoided the contact; null if the body was never visible.
+    /// True if actions from `first_visible_step` on, with the remaining fuel, would have avoided the contact; null if the body
+    /// was never visible.
     pub avoidable: Option<bool>,
     /// Cheapest avoiding action that was found.
     pub cheapest_avoidance: Option<AvoidingAction>,
@@ -78,7 +79,7 @@ pub struct AvoidingAction {
     pub cost: f64,
 }
 
-/// Value of an action.
+/// Effect of an action on the score.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct ActionValue {
     /// Step of the action, from 1.

@@ -14,7 +14,7 @@ use crate::ScenarioBracket;
 pub enum DesignerChoice {
     /// The language model if the server has one, else the procedural designer.
     Auto,
-    /// The language model; the procedural designer fills in for what it does not deliver.
+    /// The language model. The procedural designer makes the layouts that the model fails to deliver.
     Llm,
     /// The procedural designer, without a model.
     Procedural,
@@ -29,6 +29,8 @@ pub struct CreateDesignRequest {
     /// Task of the run to design for (default: the task whose failures weigh most).
     pub task: Option<String>,
     /// Number of layouts, from 1 to 32 (default: the run's reserve).
+    #[schema(minimum = 1, maximum = 32)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 32>")]
     pub count: Option<u32>,
     /// Designer: `auto`, `llm` or `procedural` (default: the run's designer).
     pub designer: Option<DesignerChoice>,
@@ -43,13 +45,13 @@ pub struct DesignRequestSummary {
     pub task: String,
     /// Level to design for; null before the request starts, and under a strategy without levels.
     pub level: Option<i64>,
-    /// Designer. The procedural designer fills in for what a language model does not deliver.
+    /// Designer of the layouts. The procedural designer makes those that a language model fails to deliver.
     pub designer: DesignerKind,
     /// Origin of the request.
     pub requested_by: DesignRequestOrigin,
     /// State of the request.
     pub state: DesignRequestState,
-    /// Number of layouts wanted.
+    /// Number of requested layouts.
     pub wanted: i64,
     /// Number of layouts that the gate admitted.
     pub admitted: i64,
@@ -111,6 +113,8 @@ pub struct DesignRequestQuery {
     /// State: `waiting`, `running`, `done` or `failed`.
     pub state: Option<String>,
     /// Largest number of requests on a page, from 1 to 500 (default 50).
+    #[param(minimum = 1, maximum = 500, default = 50)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 500>")]
     pub limit: Option<u32>,
     /// Field `next` of the previous page.
     pub cursor: Option<String>,
@@ -185,7 +189,7 @@ pub struct DesignResults {
     pub score: Option<f64>,
     /// Mean regret: (reference − score) / (reference − floor), clamped to 0 to 1.
     pub regret: Option<f64>,
-    /// Share of the criticised episodes with a failure that show the aimed failure mode.
+    /// Share with the aimed failure mode, among the criticised episodes with a failure.
     pub as_aimed: Option<f64>,
     /// Success rates of the latest groups since the layout was admitted or restored, oldest first, at most 16.
     pub recent: Vec<f64>,
@@ -214,6 +218,8 @@ pub struct DesignQuery {
     /// Id of the design request.
     pub request: Option<String>,
     /// Largest number of designs on a page, from 1 to 500 (default 50).
+    #[param(minimum = 1, maximum = 500, default = 50)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 500>")]
     pub limit: Option<u32>,
     /// Field `next` of the previous page.
     pub cursor: Option<String>,

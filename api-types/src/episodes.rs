@@ -70,7 +70,7 @@ pub struct EpisodeSearchQuery {
     pub state: Option<EpisodeStateFilter>,
     /// True for successful episodes, false for the others.
     pub success: Option<bool>,
-    /// Failure mode of the episode, among the episodes that are kept as its examples.
+    /// Failure mode. Only episodes that the failure profile keeps as examples of it are found.
     pub mode: Option<String>,
     /// Role of the group.
     #[param(inline)]
@@ -84,6 +84,8 @@ pub struct EpisodeSearchQuery {
     #[param(inline)]
     pub order: EpisodeSortOrder,
     /// Largest number of episodes on a page, from 1 to 500 (default 50).
+    #[param(minimum = 1, maximum = 500, default = 50)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 500>")]
     pub limit: Option<u32>,
     /// Field `next` of the previous page of the same search.
     pub cursor: Option<String>,

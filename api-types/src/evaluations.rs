@@ -26,7 +26,7 @@ pub struct EvaluationSummary {
     pub policy_version: Option<i64>,
     /// Common name of trainings that differ by their seed.
     pub training: Option<String>,
-    /// Seed of this training.
+    /// Seed of the training that the evaluation is about.
     pub training_seed: Option<i64>,
     /// Number of episodes of each scenario.
     pub rollouts: i64,
@@ -40,8 +40,8 @@ pub struct EvaluationSummary {
     pub scenarios: i64,
     /// Number of scenarios that are done.
     pub scenarios_done: i64,
-    /// Number of times a scenario was offered again because its group lost episodes or its lease ended first. Results of such
-    /// groups do not count. If the number is high, check that bad episodes are not the ones that get lost.
+    /// Number of groups that were leased again, because they lost episodes or their lease ended. Results of such groups do not
+    /// count. A high number can bias the results: low scores may be lost more often than high ones.
     pub retries: i64,
     /// Time of creation, RFC 3339.
     pub created_at: String,
@@ -122,7 +122,7 @@ pub struct EvaluationRequest {
     /// Tasks whose scenarios are evaluated (default: all). It needs `run`: the server evaluates whole suites.
     #[schema(example = json!(["docking/single"]))]
     pub tasks: Option<Vec<String>>,
-    /// Without `run`: a built-in policy of every task of the suite, which the server rolls out. With `run`: a name of your choice.
+    /// Without `run`: a built-in policy of every task of the suite, which the server rolls out. With `run`: any name.
     #[schema(example = "heuristic")]
     pub policy: String,
     /// Run whose trainer rolls the policy out, in leases with `purpose: eval` and the id of the evaluation.
@@ -131,9 +131,11 @@ pub struct EvaluationRequest {
     pub policy_version: Option<u32>,
     /// Common name of trainings that differ only by their seed.
     pub training: Option<String>,
-    /// Seed of this training.
+    /// Seed of the training that the evaluation is about.
     pub training_seed: Option<u32>,
     /// Number of episodes of each scenario, from 1 to 1 024 (default 1; 8 if the policy is stochastic).
+    #[schema(minimum = 1, maximum = 1024)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 1024>")]
     pub rollouts: Option<u32>,
     /// True if the policy is stochastic (default true; not allowed for a built-in policy).
     pub stochastic: Option<bool>,

@@ -12,7 +12,8 @@ pub struct EventQuery {
     /// `Last-Event-ID` takes precedence.
     pub after: Option<i64>,
     /// Number of past events to start with if `after` is not set, at most 1 000.
-    #[param(maximum = 1000)]
+    #[param(minimum = 0, maximum = 1000)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 0, 1000>")]
     pub last: Option<u32>,
 }
 

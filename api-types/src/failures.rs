@@ -14,6 +14,8 @@ pub struct FailureProfileQuery {
     pub task: Option<String>,
     /// Largest number of example episodes for each cell, newest first, from 0 to 64 (default 3). The newest 64 failures of a cell
     /// are kept; several of them may be of one episode.
+    #[param(minimum = 0, maximum = 64, default = 3)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 0, 64>")]
     pub examples: Option<u32>,
 }
 
@@ -50,7 +52,7 @@ pub struct FailureProfile {
     pub task: String,
     /// Number of criticised episodes, the base of all counts below.
     pub criticised: i64,
-    /// Sum of the weights of these episodes.
+    /// Sum of the weights of the criticised episodes.
     pub weight: f64,
     /// Number of episodes that were skipped by sampling.
     pub skipped: i64,
@@ -60,7 +62,7 @@ pub struct FailureProfile {
     pub waiting: i64,
     /// Mean value of the judge, from −1 to 1; null before the first episode.
     pub judge: Option<Trend>,
-    /// Actions of an episode by verdict.
+    /// Numbers of actions by verdict.
     pub verdicts: Vec<VerdictCount>,
     /// The 12 bearing sectors: bearing of the body seen from the agent, degrees from radial out towards in-track.
     pub sectors: Vec<BearingSector>,
@@ -119,9 +121,9 @@ pub struct FailureModeCounts {
     pub mode: String,
     /// Description in one sentence.
     pub description: String,
-    /// Number of failures counted here.
+    /// Number of these failures.
     pub count: i64,
-    /// Sum of their weights.
+    /// Sum of the weights of these failures.
     pub weight: f64,
     /// Number of failures per episode.
     pub per_episode: Option<Trend>,
@@ -139,28 +141,29 @@ pub struct FailureModeCounts {
 pub struct InertialSectorCounts {
     /// Number of the sector, from 0.
     pub sector: u32,
-    /// Number of failures counted here.
+    /// Number of these failures.
     pub count: u64,
-    /// Sum of their weights.
+    /// Sum of the weights of these failures.
     pub weight: f64,
 }
 
 /// Failures of one mode from one bearing sector in one speed band.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct FailureCell {
-    /// Bearing sector; null if no body was met.
+    /// Bearing sector, from 0 to 11; null without an encounter.
     pub sector: Option<u32>,
-    /// Speed band; null if no body was met.
+    /// Speed band, from 0; null without an encounter.
     pub band: Option<u32>,
-    /// Number of failures counted here.
+    /// Number of these failures.
     pub count: i64,
-    /// Sum of their weights.
+    /// Sum of the weights of these failures.
     pub weight: f64,
-    /// Share that acting when the body became visible, with the fuel left, would have avoided; null if no body was met.
+    /// Share of the failures that actions after the body became visible, with the remaining fuel, would have avoided; null
+    /// without encounters.
     pub avoidable_share: Option<f64>,
-    /// Share in which the body was never visible; null if no body was met.
+    /// Share of the failures in which the body was never visible; null without encounters.
     pub unseen_share: Option<f64>,
-    /// Mean number of steps left to act; null if no body was met.
+    /// Mean number of steps in which the agent could act after the body became visible; null without encounters.
     pub mean_steps_left: Option<f64>,
     /// Time of the latest failure, RFC 3339.
     pub last_at: String,
@@ -178,10 +181,14 @@ pub struct FailureQuery {
     /// Name of the failure mode.
     pub mode: Option<String>,
     /// Bearing sector, from 0 to 11.
+    #[param(minimum = 0, maximum = 11)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 0, 11>")]
     pub sector: Option<u32>,
     /// Speed band, from 0.
     pub band: Option<u32>,
     /// Largest number of failures on a page, from 1 to 500 (default 50).
+    #[param(minimum = 1, maximum = 500, default = 50)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 500>")]
     pub limit: Option<u32>,
     /// Field `next` of the previous page.
     pub cursor: Option<String>,
@@ -207,16 +214,17 @@ pub struct EpisodeFailure {
     pub agent: i64,
     /// Step of the failure, from 1.
     pub step: i64,
-    /// Bearing sector; null if no body was met.
+    /// Bearing sector, from 0 to 11; null without an encounter.
     pub sector: Option<u32>,
-    /// Speed band; null if no body was met.
+    /// Speed band, from 0; null without an encounter.
     pub band: Option<u32>,
     /// Bearing of the body, degrees from radial out towards in-track.
     pub bearing_deg: Option<f64>,
     /// Relative speed, in the world's unit of speed.
     pub relative_speed: Option<f64>,
-    /// Number of steps left to act.
+    /// Number of steps in which the agent could act after the body became visible.
     pub steps_left: Option<i64>,
-    /// True if acting then would have avoided the failure; null if no body was met or it was never visible.
+    /// True if actions after the body became visible would have avoided the failure; null without an encounter, or if the body
+    /// was never visible.
     pub avoidable: Option<bool>,
 }

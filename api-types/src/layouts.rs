@@ -18,6 +18,8 @@ pub struct LayoutQuery {
     /// Failure mode that the layout aims at.
     pub aim: Option<String>,
     /// Largest number of layouts on a page, from 1 to 500 (default 50).
+    #[param(minimum = 1, maximum = 500, default = 50)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 500>")]
     pub limit: Option<u32>,
     /// Field `next` of the previous page.
     pub cursor: Option<String>,

@@ -9,15 +9,23 @@ use utoipa::ToSchema;
 #[serde(deny_unknown_fields)]
 pub struct LeaseRequest {
     /// Number of groups, from 1 to 1 024; with `form: columns` from 1 to 100 000.
+    #[schema(minimum = 1, maximum = 100_000)]
+    #[serde(deserialize_with = "crate::integers::lease_groups")]
     pub groups: u32,
     /// Number of episodes of one scenario in each group (default: group_size of the run).
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 1, maximum = 1024)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "crate::integers::optional::<_, 1, 1024>"
+    )]
     pub group_size: Option<u32>,
     /// Policy version that will run the episodes (default 0).
     #[serde(default)]
     pub policy_version: u32,
     /// Duration of the lease, seconds, from 1 to 86 400 (default 600).
-    #[serde(default = "default_ttl_s")]
+    #[schema(minimum = 1, maximum = 86_400, default = 600)]
+    #[serde(default = "default_ttl_s", deserialize_with = "crate::integers::required::<_, 1, 86_400>")]
     pub ttl_s: u32,
     /// `train` (default), `probe` or `eval`.
     #[serde(default)]
@@ -30,7 +38,7 @@ pub struct LeaseRequest {
     /// their results lists the replacements.
     #[serde(default)]
     pub refill: bool,
-    /// With `purpose: eval`: id of the evaluation. The lease has at most `groups` of its scenarios that no other lease holds.
+    /// With `purpose: eval`: id of the evaluation. The lease has at most `groups` of its scenarios that no other active lease has.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub evaluation: Option<String>,
 }
@@ -102,7 +110,7 @@ pub struct Lease {
     /// Scenarios without their seeds: world, task, params, physics and layout.
     #[schema(value_type = Vec<Object>)]
     pub recipes: Vec<Value>,
-    /// Groups of the lease; of a lease of columns only the audited ones.
+    /// Groups of the lease; for a lease of columns only the audited groups.
     pub groups: Vec<LeasedGroup>,
     /// All groups of a lease of columns, as ranges of seeds.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -150,7 +158,7 @@ pub struct LeasedGroup {
     pub train: bool,
     /// Id of the layout, if the group was designed.
     pub layout: Option<String>,
-    /// True if acting well matters on this scenario.
+    /// True if the scenario is contested: the reference succeeds and most blind plans do not.
     pub contested: bool,
     /// State of the group.
     pub state: GroupState,

@@ -17,6 +17,7 @@ mod evaluation_results;
 mod evaluations;
 mod events;
 mod failures;
+mod integers;
 mod layouts;
 mod leases;
 mod mastery;

@@ -28,24 +28,24 @@ pub struct TaskMastery {
     pub probe_level: Option<u32>,
     /// True if the first level is set.
     pub placement_done: bool,
-    /// Params in force: of the current level, or of the probed one.
+    /// Current params: those of the current level, or of the probed level.
     pub params: BTreeMap<String, f64>,
     /// Posterior of success on contested scenarios at the current level; null under a strategy without levels.
     pub mastery: Option<MasteryEstimate>,
-    /// The same for each level with evidence.
+    /// Posterior of success for each level with evidence.
     pub levels: Vec<MasteryEstimate>,
     /// Results of all episodes, contested or not, except those on designed layouts.
     pub results: EpisodeCounts,
     /// Results of the episodes on designed layouts, which aim at the agent's failures.
     pub designed_results: EpisodeCounts,
-    /// Claims of columns: statistics only, except for audited groups, which count above.
+    /// Episodes of claims of columns. They do not move mastery, except for audited groups, which `results` counts.
     pub claimed_results: ClaimedEpisodeCounts,
-    /// Ends of groups with several episodes; all zeros if groups have one episode.
+    /// Numbers of closed groups with several episodes; all zeros if groups have one episode.
     pub group_counts: GroupCounts,
     /// Progress of the current block, and the conditions of the next level move.
     #[schema(value_type = Object)]
     pub status: TaskStatus,
-    /// Problems that the user should know about, one sentence each.
+    /// Warnings about the evidence of the task, one sentence each.
     pub warnings: Vec<String>,
 }
 
@@ -74,7 +74,7 @@ impl MasteryEstimate {
     }
 }
 
-/// Ends of groups with several episodes, at all levels together.
+/// Numbers of closed groups with several episodes, over all levels.
 #[derive(Debug, Clone, Default, Serialize, Deserialize, ToSchema)]
 pub struct GroupCounts {
     /// Number of groups of which all episodes finished.
@@ -113,7 +113,7 @@ pub struct EpisodeCounts {
 pub struct ClaimedEpisodeCounts {
     /// Number of finished episodes of accepted claims.
     pub episodes: i64,
-    /// Their mean claimed score.
+    /// Mean claimed score of the finished episodes of accepted claims.
     pub score: Option<f64>,
     /// Number of failed episodes of accepted claims.
     pub failed: i64,
@@ -172,7 +172,7 @@ pub struct RecordedMove {
     pub at: String,
 }
 
-/// Params in force, by task.
+/// Current params of a run, by task.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct RunParams {
     /// Params by name, for each task id.

@@ -14,7 +14,7 @@ pub struct FeedStatus {
     pub acknowledged: i64,
     /// Size of the unacknowledged groups as stored, bytes.
     pub bytes: i64,
-    /// True if no more groups are run until some are acknowledged.
+    /// True if the server rolls out no more groups until the trainer acknowledges some.
     pub full: bool,
 }
 
@@ -40,12 +40,18 @@ pub struct PolicyRequest {
     /// Sampling temperature of `chat`, from 0 to 5 (default: the server's setting, else the endpoint's).
     pub temperature: Option<f64>,
     /// Number of earlier exchanges in the prompt of `chat`, from 0 to 64 (default 2).
+    #[schema(minimum = 0, maximum = 64, default = 2)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 0, 64>")]
     pub history: Option<u32>,
     /// Largest number of tokens of one reply of `chat`, from 16 to 131 072 (default: the server's setting).
+    #[schema(minimum = 16, maximum = 131_072)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 16, 131_072>")]
     pub max_tokens: Option<u32>,
     /// Observations in trajectories (default `telemetry`).
     pub observations: Option<ObservationMode>,
     /// Largest number of unacknowledged groups in the feed, from 1 to 4 096 (default 32).
+    #[schema(minimum = 1, maximum = 4096, default = 32)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 4096>")]
     pub max_unacknowledged_groups: Option<u32>,
     /// True to replace groups whose episodes all have the same score (default false).
     pub refill: Option<bool>,

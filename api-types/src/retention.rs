@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-/// Numbers of episodes that a run keeps whole. Older ones keep their results only.
+/// Numbers of episodes that a run keeps complete. The server keeps only the results of older ones.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RetentionRequest {
@@ -13,7 +13,7 @@ pub struct RetentionRequest {
     pub claimed: Option<RetentionLimit>,
 }
 
-/// Number of episodes that are kept whole.
+/// Number of episodes that a run keeps complete.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(untagged)]
 pub enum RetentionLimit {

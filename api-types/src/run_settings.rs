@@ -18,6 +18,8 @@ pub struct RunRequest {
     /// Name of the run for people.
     pub name: Option<String>,
     /// Seed of the run's random streams, from 0 to 2^51 − 1 (default: drawn by the server).
+    #[schema(minimum = 0, maximum = 2_251_799_813_685_247u64)]
+    #[serde(default, deserialize_with = "crate::integers::optional_seed")]
     pub seed: Option<u64>,
     /// Strategy that chooses the scenarios (default `ladder`).
     #[schema(value_type = Option<String>, example = "ladder")]
@@ -35,8 +37,12 @@ pub struct RunRequest {
     /// Share of proposals at the current level, from 0 to 1 (default 0.7).
     pub frontier_share: Option<f64>,
     /// Number of episodes of one scenario in a group, from 1 to 1 024 (default 1).
+    #[schema(minimum = 1, maximum = 1024, default = 1)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 1024>")]
     pub group_size: Option<u32>,
     /// Number of finished episodes from which a partial group counts (default: half of group_size).
+    #[schema(minimum = 1, maximum = 1024)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 1024>")]
     pub min_group: Option<u32>,
     /// Number of policy versions after which results no longer move the curriculum (default: no limit).
     pub max_staleness: Option<u32>,
@@ -49,18 +55,21 @@ pub struct RunRequest {
     /// Settings of the layouts that are designed for the agent's failures.
     pub design: DesignSettingsRequest,
     /// Number of groups of a lease of columns whose logs are replayed, from 1 to 1 024 (default 64).
+    #[schema(minimum = 1, maximum = 1024, default = 64)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 1024>")]
     pub audit_groups: Option<u32>,
     /// Judge of the steps in sessions of the run: `off`, `deterministic` or `llm` (default: the server's setting).
     #[schema(value_type = Option<String>, example = "off")]
     pub judge: Option<Judge>,
-    /// Number of episodes that are kept whole.
+    /// Numbers of episodes that the run keeps complete.
     pub retention: RetentionRequest,
     /// Settings of single tasks, by task id.
     pub task_settings: BTreeMap<String, TaskSettingsRequest>,
 }
 
 /// Request to change a run. A field that is left out keeps its value. Tasks keep their level and mastery unless their levels or
-/// physics change. Under another strategy they keep their mastery, and the strategy starts anew.
+/// physics change. A change of the strategy keeps the mastery of tasks and resets the state of the
+/// strategy.
 #[derive(Debug, Clone, Default, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RunUpdate {
@@ -82,14 +91,20 @@ pub struct RunUpdate {
     /// Share of proposals at the current level.
     pub frontier_share: Option<f64>,
     /// Number of episodes of one scenario in a group, from 1 to 1 024.
+    #[schema(minimum = 1, maximum = 1024)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 1024>")]
     pub group_size: Option<u32>,
     /// Number of finished episodes from which a partial group counts.
+    #[schema(minimum = 1, maximum = 1024)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 1024>")]
     pub min_group: Option<u32>,
     /// Number of policy versions after which results no longer move the curriculum.
     pub max_staleness: Option<u32>,
     /// Leases whose results move mastery.
     pub evidence_from: Option<EvidenceFrom>,
     /// Number of groups of a lease of columns whose logs are replayed, from 1 to 1 024.
+    #[schema(minimum = 1, maximum = 1024)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 1024>")]
     pub audit_groups: Option<u32>,
     /// Ids of all tasks: a task of the run that is not among them is removed.
     pub tasks: Option<Vec<String>>,
@@ -157,6 +172,8 @@ pub struct DesignSettingsRequest {
     /// level count.
     pub evidence: Option<bool>,
     /// Number of active layouts near the current level that are kept in reserve for each task, from 1 to 64 (default 8).
+    #[schema(minimum = 1, maximum = 64, default = 8)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 64>")]
     pub reserve: Option<u32>,
 }
 

@@ -16,6 +16,8 @@ pub struct SeriesQuery {
     /// End of the window, RFC 3339 (default: now).
     pub to: Option<String>,
     /// Largest number of points of each series, from 1 to 2 000 (default 300).
+    #[param(minimum = 1, maximum = 2000, default = 300)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 2000>")]
     pub points: Option<u32>,
 }
 
@@ -53,9 +55,9 @@ pub struct TaskSeries {
     pub skill: Vec<Option<f64>>,
     /// Mean success rate on contested scenarios.
     pub contested_success: Vec<Option<f64>>,
-    /// Number of these contested scenarios.
+    /// Number of contested scenarios with results.
     pub contested_scenarios: Vec<i64>,
-    /// Mean success rate of the blind panel on some of these scenarios.
+    /// Mean success rate of the blind panel on those contested scenarios whose panel was computed.
     pub panel_success: Vec<Option<f64>>,
     /// Share of the groups of several episodes whose episodes all have the same score.
     pub zero_variance_share: Vec<Option<f64>>,
@@ -65,7 +67,7 @@ pub struct TaskSeries {
     pub level_high: Vec<Option<i64>>,
     /// Current level at the end of the point.
     pub level: Vec<Option<i64>>,
-    /// Mean of the posterior of success on contested scenarios at that level and time.
+    /// Mean of the posterior of success on contested scenarios at the current level, at the end of the point.
     pub mastery: Vec<Option<f64>>,
     /// 10 % quantile of the posterior.
     pub mastery_low: Vec<Option<f64>>,

@@ -32,7 +32,7 @@ pub struct StrategySetting {
     pub name: String,
     /// Description of its effect.
     pub description: String,
-    /// Accepted values, in words.
+    /// Description of the accepted values, such as `a number from 0 to 1`.
     pub accepts: String,
     /// Default value of the setting.
     #[schema(schema_with = strategy_setting_schema)]

@@ -56,7 +56,7 @@ pub struct TaskParam {
     pub min: f64,
     /// Largest value that is valid.
     pub max: f64,
-    /// Grid of designers; any value is valid unless `whole` is true.
+    /// Step between the values that designers choose. Other values are valid too, integers only if `whole` is true.
     pub step: f64,
     /// True if only integers are valid.
     pub whole: bool,

@@ -14,10 +14,16 @@ use crate::{ActionStopReason, GroupRole, ScenarioBracket};
 #[serde(deny_unknown_fields)]
 pub struct TrajectoryQuery {
     /// Largest number of groups, from 1 to 256 (default 8). A response has at most 32 MiB of JSON, or a single group.
+    #[param(minimum = 1, maximum = 256, default = 8)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 256>")]
     pub limit: Option<u32>,
     /// Longest wait for the first group, seconds, from 0 to 60 (default 0).
+    #[param(minimum = 0, maximum = 60, default = 0)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 0, 60>")]
     pub wait_s: Option<u32>,
     /// Duration of the claim, seconds, from 1 to 86 400 (default 600). A group that is not acknowledged by then is delivered again.
+    #[param(minimum = 1, maximum = 86_400, default = 600)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 86_400>")]
     pub ttl_s: Option<u32>,
     /// Id after which groups are read again without a claim, acknowledged or not.
     pub after: Option<u64>,
@@ -85,7 +91,7 @@ pub struct TrajectoryGroup {
     pub seed: u64,
     /// Id of the scenario.
     pub scenario: String,
-    /// True if acting well matters on this scenario.
+    /// True if the scenario is contested: the reference succeeds and most blind plans do not.
     pub contested: bool,
     /// Bracket of the scenario. It is for the trainer, never for the agent.
     pub bracket: ScenarioBracket,
@@ -254,6 +260,6 @@ pub struct TrajectoryMetrics {
     pub tokens_out: u64,
     /// True if a reply was cut off at the maximum number of tokens.
     pub truncated: bool,
-    /// Number of replies that were no action.
+    /// Number of replies that are not a valid action.
     pub invalid_actions: u64,
 }

@@ -53,7 +53,7 @@ pub enum FramesError {
     },
     /// The frames are larger than the limit.
     #[error(
-        "the frames up to step {step} are more than {} MiB of JSON; ask for fewer bodies, or without telemetry",
+        "the frames up to step {step} exceed {} MiB of JSON; request fewer steps, fewer bodies, or no telemetry",
         max_bytes >> 20
     )]
     TooLarge {
@@ -188,6 +188,6 @@ mod tests {
         let error = telemetry(1 << 20).unwrap_err();
         let FramesError::TooLarge { step, .. } = error else { panic!("{error}") };
         assert!((1..20).contains(&step), "{error}");
-        assert!(error.to_string().contains("more than 1 MiB"), "{error}");
+        assert!(error.to_string().contains("exceed 1 MiB"), "{error}");
     }
 }

@@ -43,39 +43,44 @@ impl LeaseEvent {
 
 /// Describes all metrics, and registers counters at 0.
 pub fn register() {
-    describe_counter!("sparring_http_requests_total", "Requests answered, by method, route and status.");
-    describe_histogram!("sparring_http_request_seconds", Unit::Seconds, "How long requests took, by route.");
+    describe_counter!("sparring_http_requests_total", "Responses, by method, route and status.");
+    describe_histogram!(
+        "sparring_http_request_seconds",
+        Unit::Seconds,
+        "Duration of requests in seconds, by route."
+    );
     describe_counter!(
         "sparring_leases_total",
-        "Leases by what happened to them: created, renewed, done, released, expired."
+        "Lease events, by kind: created, renewed, done, released, expired."
     );
     describe_counter!("sparring_results_total", "Reported episodes, by status and code of their receipts.");
-    describe_counter!(
-        "sparring_mismatches_total",
-        "Audited episodes that did not replay to what was claimed."
-    );
+    describe_counter!("sparring_mismatches_total", "Audited episodes whose replay contradicts the claim.");
     describe_counter!("sparring_proposals_total", "Scenarios proposed, by strategy.");
     describe_counter!("sparring_moves_total", "Level moves, by task and direction.");
     describe_counter!("sparring_layouts_total", "Designed layouts, by the verdict of the gate.");
     describe_counter!("sparring_rollout_groups_total", "Groups that the server's workers pushed to a feed.");
     describe_counter!("sparring_compacted_episodes_total", "Episodes of compacted leases.");
-    describe_counter!("sparring_commit_failures_total", "Commits that failed; nothing of them was kept.");
-    describe_histogram!("sparring_commit_seconds", Unit::Seconds, "How long commits took, to the disk.");
-    describe_histogram!("sparring_commit_changes", "Changes that were committed together.");
+    describe_counter!("sparring_commit_failures_total", "Commits that failed and were undone.");
+    describe_histogram!(
+        "sparring_commit_seconds",
+        Unit::Seconds,
+        "Duration of commits in seconds, including the sync to disk."
+    );
+    describe_histogram!("sparring_commit_changes", "Number of changes in a commit.");
     describe_gauge!("sparring_writable", "1 if the database could be written at the last check, else 0.");
     describe_gauge!("sparring_writer_queue", "Changes that wait for the writer, by queue.");
     describe_gauge!("sparring_critique_waiting", "Episodes that wait for their critique.");
     describe_gauge!("sparring_sessions", "Active sessions.");
-    describe_gauge!("sparring_sessions_limit", "Sessions that may be active.");
+    describe_gauge!("sparring_sessions_limit", "Maximum number of active sessions.");
     describe_gauge!("sparring_connections", "Open connections.");
-    describe_gauge!("sparring_database_bytes", "Size of the database, by used and free pages.");
-    describe_gauge!("sparring_level", "The level of a task of a run.");
+    describe_gauge!("sparring_database_bytes", "Size of the database in bytes, by used and free pages.");
+    describe_gauge!("sparring_level", "Current level, by run and task.");
     describe_gauge!(
         "sparring_mastery",
-        "Mean of the posterior over success on contested scenarios at that level."
+        "Mean of the posterior over success on contested scenarios at the current level, by run and task."
     );
     describe_gauge!("sparring_workers", "Busy workers, by job.");
-    describe_gauge!("sparring_build_info", "1, with the version.");
+    describe_gauge!("sparring_build_info", "Always 1; the label is the version of the server.");
     gauge!("sparring_build_info", "version" => env!("CARGO_PKG_VERSION")).set(1.0);
     register_zeros();
 }

@@ -117,7 +117,7 @@ impl EpisodeLoader {
     }
 
     fn episode(&self, job: &CritiqueJob, number: i64) -> Result<CritiqueEpisode, String> {
-        let gone = |what: &str| format!("{what} in the database is gone");
+        let gone = |what: &str| format!("{what} is missing in the database");
         let group = GroupKey { lease: job.lease, number: number / job.group_size.max(1) };
         let row = self.rows.get(&group).ok_or_else(|| gone("a group"))?;
         let scenario = self.scenarios.get(&row.scenario).map_err(|error| error.to_string())?.clone();

@@ -18,6 +18,8 @@ use crate::runs::validate::check_range;
 
 /// Maximum number of unfinished requests of a run.
 const MAX_OPEN_REQUESTS: i64 = 16;
+/// Reason why no design can be requested for a run.
+const NO_DESIGNABLE_TASK: &str = "the run has no task with a design language";
 
 /// Requests layouts from a designer. A worker runs the request.
 #[derive(Debug)]
@@ -67,11 +69,15 @@ impl RequestDesign {
         let choice = self.designer.unwrap_or(state.settings.design.designer);
         let invalid = |reason: &str| ServiceError::invalid("designer", reason);
         let designer = designer_kind(choice, self.has_llm).ok_or_else(|| match self.designer {
-            Some(_) => invalid("`off` is not a designer; use auto, llm or procedural"),
-            None => invalid("designs are off for this run; set `designer` to auto, llm or procedural"),
+            Some(_) => invalid("must be auto, llm or procedural, got \"off\""),
+            None => {
+                invalid("is required, because the run has designs off; set it to auto, llm or procedural")
+            }
         })?;
         if self.designer == Some(DesignerChoice::Llm) && !self.has_llm {
-            return Err(invalid("this server has no language model; procedural needs none"));
+            return Err(invalid(
+                "must be procedural, because the server has no language model; start it with --llm-url for llm",
+            ));
         }
         Ok(designer)
     }
@@ -87,8 +93,11 @@ impl RequestDesign {
                 Some(id) => Ok((*id).to_owned()),
                 None => {
                     let known = designable.join(", ");
-                    let known = if known.is_empty() { "it has none".to_owned() } else { known };
-                    let reason = format!("it is none of the run's tasks that can be designed for: {known}");
+                    let reason = if known.is_empty() {
+                        NO_DESIGNABLE_TASK.to_owned()
+                    } else {
+                        format!("must be a task of the run with a design language: {known}")
+                    };
                     Err(ServiceError::invalid("task", reason))
                 }
             };
@@ -100,7 +109,7 @@ impl RequestDesign {
                 worst = Some((id, failures));
             }
         }
-        let no_task = || ServiceError::invalid("task", "none of the run's tasks can be designed for yet");
+        let no_task = || ServiceError::invalid("task", NO_DESIGNABLE_TASK);
         worst.map(|(id, _)| id.to_owned()).ok_or_else(no_task)
     }
 }

@@ -1,6 +1,7 @@
 //! Settings of a run that concern designed layouts.
 
 use api_types::{DesignSettingsRequest, DesignerChoice};
+use env_core::format_shortest;
 use serde::{Deserialize, Serialize};
 
 use crate::designs::DesignerKind;
@@ -47,11 +48,14 @@ impl DesignSettings {
     pub fn from_request(request: &DesignSettingsRequest) -> Result<Self, ServiceError> {
         let share = request.share.unwrap_or(0.3);
         if !(0.0..=1.0).contains(&share) {
-            return Err(ServiceError::invalid("design.share", format!("it is {share}, outside 0 to 1")));
+            return Err(ServiceError::invalid(
+                "design.share",
+                format!("must be from 0 to 1, got {}", format_shortest(share)),
+            ));
         }
         let layout_share = request.layout_share.unwrap_or(0.05);
         if !(layout_share > 0.0 && layout_share <= 1.0) {
-            let reason = format!("it is {layout_share}, but must be above 0 and at most 1");
+            let reason = format!("must be above 0 and at most 1, got {}", format_shortest(layout_share));
             return Err(ServiceError::invalid("design.layout_share", reason));
         }
         let reserve = request.reserve.unwrap_or(8);

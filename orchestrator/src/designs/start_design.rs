@@ -89,7 +89,7 @@ async fn start_waiting(run: &mut RunTx<'_>, id: i64) -> Result<Option<StartedDes
     };
     let plan = run.state.settings.curriculum.tasks.iter().find(|plan| plan.task == request.task);
     let Some(target) = plan.and_then(|plan| DesignTarget::of(run.state, plan)) else {
-        let error = Some("the run has no such task any more that could be designed for".to_owned());
+        let error = Some("the run no longer has this task, or the task cannot be designed for".to_owned());
         let failed = DesignRequestResult { error, ..DesignRequestResult::default() };
         design_requests::finish(run.conn, id, &failed, run.now).await?;
         return Ok(None);

@@ -8,43 +8,43 @@ use store::{Outage, StoreError};
 #[derive(Debug, thiserror::Error)]
 pub enum ServiceError {
     /// The run does not exist.
-    #[error("there is no run {0}")]
+    #[error("run {0} does not exist")]
     UnknownRun(String),
     /// The run has no such lease.
-    #[error("there is no lease {0} in this run")]
+    #[error("the run has no lease {0}")]
     UnknownLease(String),
     /// The run has no such episode.
-    #[error("there is no episode {0} in this run")]
+    #[error("the run has no episode {0}")]
     UnknownEpisode(String),
     /// The run keeps only the result of the episode.
-    #[error("{0} was compacted: its actions and scenario were deleted")]
+    #[error("{0} was compacted; its actions and scenario were deleted")]
     Expired(String),
     /// The run has no such layout.
-    #[error("there is no layout {0} here")]
+    #[error("layout {0} does not exist")]
     UnknownLayout(String),
     /// The evaluation does not exist.
-    #[error("there is no evaluation eval-{0}")]
+    #[error("evaluation eval-{0} does not exist")]
     UnknownEvaluation(i64),
     /// The evaluation is complete.
-    #[error("eval-{0} is complete: there is nothing to cancel")]
+    #[error("evaluation eval-{0} is complete and cannot be cancelled")]
     EvaluationEnded(i64),
     /// The run has no such design request.
-    #[error("there is no design request {0} in this run")]
+    #[error("the run has no design request {0}")]
     UnknownDesignRequest(String),
     /// The gate refused the layout.
     #[error("the gate refused {0}, so it cannot be leased or restored")]
     Refused(String),
     /// The run has as many waiting design requests as it may have.
-    #[error("{0} design requests wait or run, the most that are allowed; retry when some have ended")]
+    #[error("the run has {0} unfinished design requests, the maximum; retry when one has ended")]
     TooManyDesignRequests(i64),
     /// The run id is taken.
-    #[error("a run {0} exists already")]
+    #[error("run {0} already exists; choose another id")]
     RunExists(String),
     /// The run is paused and grants no leases.
-    #[error("run {0} is paused; resume it to lease again")]
+    #[error("run {0} is paused; resume it to create leases")]
     Paused(String),
     /// The lease has ended.
-    #[error("lease {lease} is {status}; take another")]
+    #[error("lease {lease} is {status}; create another lease")]
     LeaseClosed {
         /// Id of the lease.
         lease: String,
@@ -56,25 +56,25 @@ pub enum ServiceError {
     ColumnsConflict(String),
     /// The lease cannot be renewed because its columns were received.
     #[error(
-        "the columns of lease {0} were received; the logs of the audited groups are due before it ends, and it cannot be renewed"
+        "lease {0} cannot be renewed after its columns were claimed; report the logs of its audited groups before it expires"
     )]
     AuditDue(String),
     /// The run has as many active leases as it may have.
-    #[error("the run has {0} active leases, as many as it may; report or release some")]
+    #[error("the run has {0} active leases, the maximum; report or release one")]
     TooManyLeases(i64),
     /// The token has as many active leases as it may have.
-    #[error("this token has {0} active leases, as many as it may; report or release some")]
+    #[error("the token has {0} active leases, the maximum; report or release one")]
     TooManyLeasesOfToken(u32),
     /// The token has created as many runs as it may.
     #[error(
-        "this token created {0} runs, as many as it may: use another, or start the server with a higher --runs-each"
+        "the token created {0} runs, the maximum; use another token, or start the server with a larger --runs-each"
     )]
     TooManyRuns(u32),
     /// No prepared scenario became available in time.
-    #[error("scenarios are still being prepared; ask again in a moment")]
+    #[error("the server is still preparing scenarios; retry in a second")]
     NotReady,
     /// The queue of the writer is full.
-    #[error("more changes wait than can be written; ask again in a moment")]
+    #[error("the queue of the writer is full; retry in a second")]
     Busy,
     /// A field has an invalid value.
     #[error("{field}: {reason}")]

@@ -231,7 +231,7 @@ async fn serve(mut tx: WriteTx, mut inbox: Inbox, clock: Clock, signals: WorkerS
         let committed = commit_batch(&mut tx, &clock, first, &mut inbox, &mut deliveries).await;
         metrics::record_commit(deliveries.len(), started_at.elapsed(), committed.is_ok());
         if let Err(error) = &committed {
-            tracing::error!(error = %error, "A batch of changes could not be committed; nothing of it was kept.");
+            tracing::error!(error = %error, "A batch of changes could not be committed and was undone.");
             drop(transactions::roll_back_batch(&mut tx.conn).await);
             tx.discard_all();
             tx.has_outage = true;
@@ -298,10 +298,10 @@ async fn close(tx: WriteTx) {
     let (states, mut conn) = tx.into_parts();
     for mut state in states {
         if let Err(error) = state.snapshot(&mut conn).await {
-            tracing::warn!(run = %state.run, error = %error, "No snapshot at shutdown; the events restore the run.");
+            tracing::warn!(run = %state.run, error = %error, "The snapshot of a run at shutdown failed; the events restore the run.");
         }
     }
     if let Err(error) = conn.close().await {
-        tracing::warn!(error = %error, "The database did not close cleanly; it recovers when opened.");
+        tracing::warn!(error = %error, "The database did not close cleanly; it recovers when it is opened.");
     }
 }

@@ -37,10 +37,7 @@ impl BeginEvaluation {
         let name = request.suite.as_deref().unwrap_or(file::DEFAULT_SUITE);
         let LoadedSuite { suite, hash } = file::built_in(name).ok_or_else(|| {
             let name = shorten(name, MAX_QUOTED_CHARS);
-            ServiceError::invalid(
-                "suite",
-                format!("there is no suite {name:?}; there are {}", file::built_in_names()),
-            )
+            ServiceError::invalid("suite", format!("must be one of {}, got {name:?}", file::built_in_names()))
         })?;
         check_names(&request)?;
         let run = request.run.as_deref().map(str::parse::<RunId>).transpose();
@@ -89,10 +86,7 @@ fn check_names(request: &EvaluationRequest) -> Result<(), ServiceError> {
         ("name", request.name.as_ref()),
     ] {
         if text.is_some_and(|text| text.is_empty() || text.chars().count() > MAX_NAME_CHARS) {
-            return Err(ServiceError::invalid(
-                field,
-                format!("it must have 1 to {MAX_NAME_CHARS} characters"),
-            ));
+            return Err(ServiceError::invalid(field, format!("must have 1 to {MAX_NAME_CHARS} characters")));
         }
     }
     Ok(())
@@ -104,10 +98,18 @@ fn check_no_run_fields(request: &EvaluationRequest) -> Result<(), ServiceError> 
         (
             "policy_version",
             request.policy_version.is_some(),
-            "only the policy of a run has versions; say which run",
+            "needs `run`: a built-in policy has no versions",
         ),
-        ("stochastic", request.stochastic.is_some(), "of a built-in policy it is known; leave it out"),
-        ("tasks", request.tasks.is_some(), "the server flies whole suites; leave it out"),
+        (
+            "stochastic",
+            request.stochastic.is_some(),
+            "must be left out without `run`: the built-in policy determines it",
+        ),
+        (
+            "tasks",
+            request.tasks.is_some(),
+            "must be left out without `run`: the server evaluates whole suites",
+        ),
     ];
     if let Some((field, _, reason)) = run_only.into_iter().find(|(_, is_set, _)| *is_set) {
         return Err(ServiceError::invalid(field, reason));
@@ -120,7 +122,7 @@ fn entries(suite: &Suite, tasks: Option<&[String]>) -> Result<Vec<i64>, ServiceE
     let known: Vec<&str> = suite.tasks().iter().map(|task| task.id()).collect();
     let unknown = tasks.into_iter().flatten().find(|task| !known.contains(&task.as_str()));
     if unknown.is_some() || tasks.is_some_and(<[String]>::is_empty) {
-        let reason = format!("name one or more of {}, which {} is of", known.join(", "), suite.name);
+        let reason = format!("must list tasks of the suite {}: {}", suite.name, known.join(", "));
         return Err(ServiceError::invalid("tasks", reason));
     }
     let wanted = |entry: &SuiteEntry| {
@@ -137,7 +139,7 @@ fn is_stochastic(suite: &Suite, policy: &str) -> Result<bool, ServiceError> {
             let known: Vec<&str> = task.policies().iter().map(|spec| spec.name).collect();
             let policy = shorten(policy, MAX_QUOTED_CHARS);
             let reason = format!(
-                "there is no policy {policy:?} for {}; choose one of {}, or say the run whose trainer flies it",
+                "{} has no policy {policy:?}; choose one of {}, or set `run` to evaluate the policy of its trainer",
                 task.id(),
                 known.join(", ")
             );
@@ -156,7 +158,9 @@ impl Change for BeginEvaluation {
         row.created_at = tx.now;
         let conn = &mut tx.conn;
         if evaluations::count_unfinished(conn).await? >= MAX_UNFINISHED {
-            let reason = format!("{MAX_UNFINISHED} evaluations are under way; let some of them end first");
+            let reason = format!(
+                "{MAX_UNFINISHED} evaluations are unfinished, the maximum; retry when one has ended, or cancel one"
+            );
             return Err(ServiceError::invalid("suite", reason));
         }
         if let Some(run) = run {

@@ -58,7 +58,7 @@ fn prepare_entry(entry: &SuiteEntry) -> Result<PreparedScenario, env_core::Scena
 }
 
 fn unknown(evaluation: i64) -> ServiceError {
-    ServiceError::invalid("evaluation", format!("there is no evaluation eval-{evaluation}"))
+    ServiceError::invalid("evaluation", format!("evaluation eval-{evaluation} does not exist"))
 }
 
 /// Writes the lease without groups. A lease that is never filled expires like any other.
@@ -85,7 +85,7 @@ impl Change for ReserveSuiteLease {
         request.check(run.state)?;
         let waiting = evaluations::waiting(run.conn, evaluation, i64::from(request.groups)).await?;
         if waiting.is_empty() {
-            let reason = "all of its scenarios are complete or leased";
+            let reason = "has no scenario left to lease: all are complete or leased";
             return Err(ServiceError::invalid("evaluation", reason));
         }
         request.groups = to_u32(waiting.len() as i64);
@@ -108,24 +108,24 @@ impl Change for ReserveSuiteLease {
 fn apply_evaluation(row: &EvaluationRow, request: &mut CreateLease) -> Result<u32, ServiceError> {
     if row.run.as_deref() != Some(request.run.as_str()) {
         let reason = match &row.run {
-            Some(run) => format!("it is one of the run {run}"),
-            None => "the server runs this evaluation; it has no leases".to_owned(),
+            Some(run) => format!("belongs to run {run}; create the lease in that run"),
+            None => "has no leases: the server rolls it out".to_owned(),
         };
         return Err(ServiceError::invalid("evaluation", reason));
     }
     if row.state == EvaluationState::Failed {
         let reason = row.error.clone().unwrap_or_else(|| row.state.to_string());
-        return Err(ServiceError::invalid("evaluation", format!("it is over: {reason}")));
+        return Err(ServiceError::invalid("evaluation", format!("has ended: {reason}")));
     }
     let group_size = to_u32(row.rollouts);
     if request.group_size.is_some_and(|requested| requested != group_size) {
-        let reason = format!("the evaluation flies each scenario {group_size} times; leave it out");
+        let reason = format!("must be {group_size}, the rollouts of the evaluation, or left out");
         return Err(ServiceError::invalid("group_size", reason));
     }
     request.group_size = Some(group_size);
     if let Some(version) = row.policy_version.map(to_u32) {
         if request.policy_version != 0 && request.policy_version != version {
-            let reason = format!("the evaluation is of version {version}; leave it out");
+            let reason = format!("must be {version}, the version of the evaluation, or left out");
             return Err(ServiceError::invalid("policy_version", reason));
         }
         request.policy_version = version;

@@ -27,10 +27,10 @@ pub struct LoadedEvaluation {
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// The evaluation does not exist.
-    #[error("there is no evaluation eval-{0}")]
+    #[error("evaluation eval-{0} does not exist")]
     Unknown(i64),
     /// The evaluation is not complete.
-    #[error("eval-{id} is not complete: {flown} of its {scenarios} scenarios are flown")]
+    #[error("eval-{id} is not complete: {flown} of its {scenarios} scenarios are done")]
     Unfinished {
         /// Number of the evaluation.
         id: i64,
@@ -46,12 +46,10 @@ pub enum ReadError {
     #[error("eval-{0} and eval-{1} have no task in common and cannot be compared")]
     NothingInCommon(i64, i64),
     /// One evaluation is named twice.
-    #[error("eval-{0} is named twice: it is one training")]
+    #[error("eval-{0} is listed twice; list it once")]
     Twice(i64),
     /// Two evaluations have the same training and seed.
-    #[error(
-        "eval-{0} and eval-{1} are of the same training and seed: as two trainings they would count twice"
-    )]
+    #[error("eval-{0} and eval-{1} have the same `training` and `training_seed`; list one of them")]
     SameSeed(i64, i64),
     /// A side mixes trainings of several kinds.
     #[error(
@@ -102,7 +100,9 @@ pub async fn load_evaluation(conn: &mut SqliteConnection, id: i64) -> Result<Loa
 /// Returns [`StoreError`] if the built-in suite of that name has changed, or does not exist.
 pub fn suite_of(row: &EvaluationRow) -> Result<&'static LoadedSuite, StoreError> {
     let known = file::built_in(&row.suite).filter(|known| known.hash == row.suite_hash);
-    known.ok_or_else(|| StoreError::corrupt("an evaluation", "its suite is not the one it was flown on"))
+    known.ok_or_else(|| {
+        StoreError::corrupt("an evaluation", "its suite differs from the suite that was evaluated")
+    })
 }
 
 /// Returns the report of an evaluation, with the blind panel beside it.

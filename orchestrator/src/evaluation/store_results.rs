@@ -31,7 +31,9 @@ pub(crate) async fn store_reported_group(
     let entry: Option<&'static SuiteEntry> =
         suite.and_then(|suite| suite.suite.entries().nth(usize::try_from(key.entry).ok()?));
     let Some(entry) = entry else {
-        return Err(StoreError::corrupt("an evaluation", "its suite is not the one it was begun with").into());
+        return Err(
+            StoreError::corrupt("an evaluation", "its suite differs from the suite at its start").into()
+        );
     };
     let from = group.number * lease.group_size;
     let span = EpisodeSpan { lease: lease.id, from, to: from + lease.group_size };

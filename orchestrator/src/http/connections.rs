@@ -96,11 +96,13 @@ async fn accept(listener: &TcpListener, quota: &Quota<IpAddr>) -> AcceptedConnec
         match listener.accept().await {
             Ok((stream, peer)) => match quota.assign(total, &peer.ip()) {
                 Ok(permit) => return AcceptedConnection { stream, peer, permit },
-                Err(_) => tracing::debug!(peer = %peer, "A connection was closed: its address has too many."),
+                Err(_) => {
+                    tracing::debug!(peer = %peer, "A connection was closed: its address has too many connections.")
+                }
             },
             Err(error) if concerns_one_connection(&error) => {}
             Err(error) => {
-                tracing::error!(error = %error, "No connection can be accepted; the server retries in a moment.");
+                tracing::error!(error = %error, "Connections cannot be accepted; the server retries.");
                 tokio::time::sleep(ACCEPT_RETRY_DELAY).await;
             }
         }

@@ -46,7 +46,7 @@ impl BodyFormat {
             _ => Err(Problem::new(
                 StatusCode::UNSUPPORTED_MEDIA_TYPE,
                 "not_json",
-                "Send JSON, with the header Content-Type: application/json, or MessagePack, with application/msgpack.",
+                "The Content-Type must be application/json or application/msgpack.",
             )),
         }
     }
@@ -63,12 +63,28 @@ impl<S: Send + Sync> FromRequest<S> for EncodedBody {
 
     async fn from_request(request: Request, state: &S) -> Result<Self, Problem> {
         let format = BodyFormat::from_request(&request)?;
+        check_encoding(&request)?;
         let body = tokio::time::timeout(BODY_TIMEOUT, axum::body::Bytes::from_request(request, state)).await;
         let body = body.map_err(|_| {
-            let detail = "The body was not received within 20 s; send it without pauses, or split it.";
+            let detail =
+                "The body was not received within 20 s; send it without pauses, or in smaller requests.";
             Problem::new(StatusCode::REQUEST_TIMEOUT, "body_timeout", detail)
         })?;
         Ok(Self { format, bytes: body.map_err(body_problem)? })
+    }
+}
+
+/// Rejects a compressed body, which would otherwise fail as JSON that cannot be parsed.
+fn check_encoding(request: &Request) -> Result<(), Problem> {
+    let encoding = request.headers().get(header::CONTENT_ENCODING).and_then(|value| value.to_str().ok());
+    match encoding.filter(|encoding| !encoding.eq_ignore_ascii_case("identity")) {
+        None => Ok(()),
+        Some(encoding) => {
+            let encoding = shorten(encoding, MAX_REPEATED_CHARS);
+            let detail = format!("The body must not be compressed, got the encoding {encoding}.");
+            Err(Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "encoded_body", detail)
+                .at("Content-Encoding"))
+        }
     }
 }
 
@@ -170,7 +186,7 @@ impl<S: Send + Sync> FromRequestParts<S> for NoQuery {
             Some(name) => Err(Problem::new(
                 StatusCode::BAD_REQUEST,
                 "bad_query",
-                "This operation accepts no query parameters.",
+                "is not a query parameter; this operation has none",
             )
             .at(shorten(name, MAX_REPEATED_CHARS))),
         }
@@ -187,8 +203,28 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Query<T> {
         let bad = |detail: &str| Problem::new(StatusCode::BAD_REQUEST, "bad_query", detail);
         let pairs = axum::extract::Query::<Vec<(String, String)>>::from_request_parts(parts, state).await;
         let axum::extract::Query(pairs) = pairs.map_err(|_| {
-            bad("The query cannot be read: it is name=value&name=value, percent-encoded.").at("query")
+            bad("The query must have the form name=value&name=value, percent-encoded.").at("query")
         })?;
         input::from_query_pairs(pairs).map(Self).map_err(|error| bad(&error.reason).at(error.field))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn compressed_bodies_are_rejected() {
+        let check = |encoding: &str| {
+            let request = Request::builder().header(header::CONTENT_ENCODING, encoding);
+            check_encoding(&request.body(axum::body::Body::empty()).expect("a request"))
+        };
+        assert!(check("identity").is_ok());
+        let problem = check("gzip").expect_err("a problem");
+        assert_eq!(problem.status(), StatusCode::UNSUPPORTED_MEDIA_TYPE);
+        assert_eq!(
+            problem.message(),
+            "Content-Encoding: The body must not be compressed, got the encoding gzip."
+        );
     }
 }

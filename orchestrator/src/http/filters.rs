@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use env_core::TaskSpec;
+use env_core::text::{MAX_QUOTED_CHARS, shorten};
 
 use super::problem::Problem;
 
@@ -17,7 +18,7 @@ pub(super) fn parse_filter_word<T: Copy + std::fmt::Display>(
 ) -> Result<Option<T>, Problem> {
     let Some(word) = word else { return Ok(None) };
     let value = known.iter().copied().find(|value| value.to_string() == word);
-    value.map(Some).ok_or_else(|| unknown_word(field, known.iter().map(ToString::to_string)))
+    value.map(Some).ok_or_else(|| unknown_word(field, word, known.iter().map(ToString::to_string)))
 }
 
 /// Checks that one of the tasks has a failure mode.
@@ -33,12 +34,13 @@ pub(super) fn check_failure_mode(
         tasks.iter().flat_map(|task| task.failure_modes()).map(|mode| mode.name).collect();
     match mode {
         Some(mode) if !modes.contains(mode.as_str()) => {
-            Err(unknown_word(field, modes.into_iter().map(str::to_owned)))
+            Err(unknown_word(field, mode, modes.into_iter().map(str::to_owned)))
         }
         _ => Ok(()),
     }
 }
 
-fn unknown_word(field: &str, known: impl Iterator<Item = String>) -> Problem {
-    Problem::invalid(field, format!("choose one of {}", known.collect::<Vec<_>>().join(", ")))
+fn unknown_word(field: &str, word: &str, known: impl Iterator<Item = String>) -> Problem {
+    let (known, word) = (known.collect::<Vec<_>>().join(", "), shorten(word, MAX_QUOTED_CHARS));
+    Problem::invalid(field, format!("must be one of {known}, got {word:?}"))
 }

@@ -34,12 +34,12 @@ async fn get_liveness() -> axum::Json<Health> {
 /// The check writes at most one row a second.
 #[utoipa::path(
     get, path = "/readyz", tag = "health",
-    responses((status = 200, body = Health), (status = 503, body = Problem, description = "Not ready; the detail says why."))
+    responses((status = 200, body = Health), (status = 503, body = Problem, description = "The server is not ready; the detail has the reason."))
 )]
 async fn get_readiness(State(app): State<AppState>) -> Result<axum::Json<Health>, Problem> {
     let not_ready = |reason: String| Problem::new(StatusCode::SERVICE_UNAVAILABLE, "not_ready", reason);
     if app.stopping.load(Ordering::SeqCst) {
-        return Err(not_ready("The server is going down.".to_owned()));
+        return Err(not_ready("The server is shutting down.".to_owned()));
     }
     app.readiness.check_writable(&app.writer).await.map_err(not_ready)?;
     Ok(axum::Json(Health { status: "ok" }))

@@ -40,7 +40,7 @@ pub fn install_recorder() {
             ::metrics::set_global_recorder(recorder).ok().map(|()| handle)
         });
         if handle.is_none() {
-            tracing::warn!("/metrics has no data: this process has another metrics recorder.");
+            tracing::warn!("/metrics has no data: this process installed another metrics recorder.");
         }
         metrics::register();
         handle
@@ -56,7 +56,7 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
     get, path = "/metrics", tag = "health",
     responses(
         (status = 200, body = String, content_type = "text/plain"),
-        (status = 503, body = Problem, description = "Nothing can be counted now; the detail says why.")
+        (status = 503, body = Problem, description = "The metrics are not available; the detail has the reason.")
     )
 )]
 async fn get_metrics(State(app): State<AppState>) -> Result<Response, Problem> {
@@ -64,7 +64,7 @@ async fn get_metrics(State(app): State<AppState>) -> Result<Response, Problem> {
         return Err(Problem::new(
             axum::http::StatusCode::SERVICE_UNAVAILABLE,
             "not_counted",
-            "Nothing is counted.",
+            "No metrics recorder is installed.",
         ));
     };
     // A failed check is a metric too, so the other metrics follow in any case.

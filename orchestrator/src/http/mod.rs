@@ -64,20 +64,20 @@ use crate::tokens::redact;
     ),
     tags(
         (name = "runs", description = "Runs: the training of one agent each."),
-        (name = "leases", description = "Groups of scenarios that a trainer holds for a limited time."),
+        (name = "leases", description = "Groups of scenarios that a trainer may run until a deadline."),
         (name = "results", description = "Reports of episodes, scored by replay."),
         (name = "trajectories", description = "Policies that the server itself rolls out for a run, and the feed of finished groups."),
         (name = "mastery", description = "Mastery of a run's tasks, and its evidence."),
         (name = "episodes", description = "Single episodes and their replays."),
-        (name = "failures", description = "Reasons why episodes lose score: critiques, and the failure profile of a run."),
-        (name = "designs", description = "Layouts that are designed for the agent's failures, and requests for more."),
+        (name = "failures", description = "Failures of episodes: critiques, and the failure profiles of a run."),
+        (name = "designs", description = "Layouts that aim at the agent's failures, and design requests."),
         (name = "curriculum", description = "Strategies of the curriculum, and their settings."),
-        (name = "tasks", description = "Tasks of the worlds, with their levels and spaces."),
-        (name = "scenarios", description = "Scenarios by hand: create, evaluate and roll out."),
+        (name = "tasks", description = "Tasks of the worlds, with their levels, params and actions."),
+        (name = "scenarios", description = "Single scenarios: check, evaluate and roll out."),
         (name = "evaluations", description = "Evaluations of policies on frozen suites, and their comparison."),
-        (name = "sessions", description = "Environments on the server, stepped over a WebSocket: one by text, many by binary frames."),
+        (name = "sessions", description = "Environments on the server, stepped over a WebSocket: one by text messages, many by binary frames."),
         (name = "openenv", description = "Routes of OpenEnv for openenv-core's clients, at the root; sessions over WebSockets at /ws and /mcp."),
-        (name = "access", description = "Log of the requests that changed something, and of refused ones."),
+        (name = "access", description = "Audit log: changes by API requests, and denied requests."),
         (name = "health", description = "Liveness, readiness and metrics of the server."),
     )
 )]
@@ -199,24 +199,28 @@ async fn no_such_route() -> Problem {
     Problem::new(
         StatusCode::NOT_FOUND,
         "no_such_route",
-        "There is nothing at this path; /docs lists what there is.",
+        "This path does not exist; /docs lists all operations.",
     )
 }
 
 /// Returns the problem of an unknown file of the dashboard.
 fn no_such_file() -> Problem {
-    Problem::new(StatusCode::NOT_FOUND, "no_such_file", "There is no such file; /dashboard/ has the page.")
+    Problem::new(
+        StatusCode::NOT_FOUND,
+        "no_such_file",
+        "This file does not exist; the dashboard is at /dashboard/.",
+    )
 }
 
 async fn no_such_method() -> Problem {
     Problem::new(
         StatusCode::METHOD_NOT_ALLOWED,
         "no_such_method",
-        "This path does not take this method; /docs lists what it takes.",
+        "This path does not support this method; /docs lists all operations.",
     )
 }
 
 fn panicked(_: Box<dyn std::any::Any + Send>) -> Response {
-    tracing::error!("A request handler panicked; the request was answered with 500.");
+    tracing::error!("A request handler panicked; the response has status 500.");
     Problem::internal().into_response()
 }

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use env_core::format_shortest;
 use serde::Deserialize;
 use serde::de::{self, DeserializeOwned, IgnoredAny, SeqAccess, Visitor};
 
@@ -57,7 +58,7 @@ impl ColumnEntry for u8 {
 
 impl ColumnEntry for u32 {
     const BYTES: usize = 4;
-    const EXPECTED: &'static str = "a whole number from 0 to 4294967295";
+    const EXPECTED: &'static str = "an integer from 0 to 4294967295";
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -75,12 +76,13 @@ impl ColumnEntry for u32 {
 /// Deserializes an optional `u32`.
 pub(super) fn optional_u32<'de, D: de::Deserializer<'de>>(reader: D) -> Result<Option<u32>, D::Error> {
     let number = Option::<JsonNumber>::deserialize(reader).map_err(|error| {
-        let expected = format!("it is not {}", u32::EXPECTED);
+        let expected = format!("must be {}", u32::EXPECTED);
         // A syntax error keeps its message, which names its place in the text.
         if error.to_string().contains(NOT_A_NUMBER) { de::Error::custom(expected) } else { error }
     })?;
     let convert = |JsonNumber(number): JsonNumber| {
-        let invalid = || de::Error::custom(format!("it is {number}, but must be {}", u32::EXPECTED));
+        let invalid =
+            || de::Error::custom(format!("must be {}, got {}", u32::EXPECTED, format_shortest(number)));
         u32::from_number(number).ok_or_else(invalid)
     };
     number.map(convert).transpose()
@@ -131,16 +133,17 @@ impl<'de, T: ColumnEntry> Visitor<'de> for ColumnVisitor<T> {
                 Ok(None) => return Ok(NumberColumn(column)),
                 // A syntax error keeps its message, which names its place in the text.
                 Err(error) if error.to_string().contains(NOT_A_NUMBER) => {
-                    return Err(de::Error::custom(format!("{at}{PATH_SEPARATOR}it is not {}", T::EXPECTED)));
+                    return Err(de::Error::custom(format!("{at}{PATH_SEPARATOR}must be {}", T::EXPECTED)));
                 }
                 Err(error) => return Err(error),
             };
             if at == max {
-                return Err(de::Error::custom(format!("it has more than {max} entries")));
+                return Err(de::Error::custom(format!("must have at most {max} entries")));
             }
             let entry = T::from_number(number);
             column.push(entry.ok_or_else(|| {
-                de::Error::custom(format!("{at}{PATH_SEPARATOR}it is {number}, but must be {}", T::EXPECTED))
+                let number = format_shortest(number);
+                de::Error::custom(format!("{at}{PATH_SEPARATOR}must be {}, got {number}", T::EXPECTED))
             })?);
         }
     }
@@ -148,10 +151,14 @@ impl<'de, T: ColumnEntry> Visitor<'de> for ColumnVisitor<T> {
     fn visit_bytes<E: de::Error>(self, bytes: &[u8]) -> Result<NumberColumn<T>, E> {
         let entries = bytes.len() / T::BYTES;
         if !bytes.len().is_multiple_of(T::BYTES) {
-            return Err(E::custom(format!("it has {} bytes, and an entry has {}", bytes.len(), T::BYTES)));
+            return Err(E::custom(format!(
+                "must have {} bytes for each entry, got {} bytes",
+                T::BYTES,
+                bytes.len()
+            )));
         }
         if entries > MAX_COLUMN_GROUPS as usize {
-            return Err(E::custom(format!("it has more than {MAX_COLUMN_GROUPS} entries")));
+            return Err(E::custom(format!("must have at most {MAX_COLUMN_GROUPS} entries")));
         }
         Ok(NumberColumn(bytes.chunks_exact(T::BYTES).filter_map(T::from_packed).collect()))
     }
@@ -216,7 +223,7 @@ pub(super) fn parse_columns<T: DeserializeOwned>(format: BodyFormat, body: &[u8]
 
 /// Replaces serde's message about a value that is not a column.
 fn column_reason(reason: &str) -> &str {
-    if reason.starts_with("invalid type: ") { "it must be a list of numbers" } else { reason }
+    if reason.starts_with("invalid type: ") { "must be a list of numbers" } else { reason }
 }
 
 /// Converts serde's message about the keys of an object to the problem that other requests return.
@@ -228,7 +235,7 @@ fn key_problem(reason: &str) -> Problem {
         return Problem::invalid(fault.field, fault.reason);
     }
     match quoted("missing field `") {
-        Some((name, _)) => Problem::invalid(name, "it is missing"),
+        Some((name, _)) => Problem::invalid(name, "is required"),
         None => Problem::invalid("body", reason),
     }
 }
@@ -299,9 +306,9 @@ mod tests {
         let message = |format, body: &[u8]| parse_columns::<TestColumns>(format, body).unwrap_err().message();
         assert_eq!(
             message(BodyFormat::Json, br#"{"score": [1, 2], "steps": [1, 2.5]}"#),
-            "steps.1: it is 2.5, but must be a whole number from 0 to 4294967295"
+            "steps.1: must be an integer from 0 to 4294967295, got 2.5"
         );
-        assert_eq!(message(BodyFormat::Json, br#"{"score": [1, "2"]}"#), "score.1: it is not a number");
+        assert_eq!(message(BodyFormat::Json, br#"{"score": [1, "2"]}"#), "score.1: must be a number");
         assert!(message(BodyFormat::Json, br#"{"score": [1, 2"#).contains("not JSON"));
         let mut cut = messagepack_body(&[0.5; 3], false);
         cut.truncate(cut.len() - 3);

@@ -68,9 +68,13 @@ pub(super) fn add_roles(document: &mut OpenApi) {
                 continue;
             };
             declared.security = Some(vec![SecurityRequirement::new(TOKEN_SCHEME, [role.as_str()])]);
-            add_denial(declared, "401", "The request has no token, or an unknown, expired or revoked one.");
+            add_denial(
+                declared,
+                "401",
+                "The request has no token, or its token is unknown, expired or revoked.",
+            );
             add_denial(declared, "403", "The role of the token does not permit the operation.");
-            add_denial(declared, "429", "The limit of requests is reached; see Retry-After.");
+            add_denial(declared, "429", "The rate limit of requests is reached; retry after `Retry-After`.");
         }
     }
 }

@@ -17,7 +17,7 @@ const ID_PATTERNS: [(&str, &str); 7] = [
 
 /// Description of a response by its status, if the operation has none.
 const RESPONSE_DESCRIPTIONS: [(&str, &str); 17] = [
-    ("101", "The connection is a WebSocket from here on."),
+    ("101", "The connection becomes a WebSocket."),
     ("200", "The request succeeded."),
     ("201", "The resource was created."),
     ("202", "The request was accepted and runs in the background."),
@@ -29,10 +29,10 @@ const RESPONSE_DESCRIPTIONS: [(&str, &str); 17] = [
     ("409", "The request conflicts with the state of the resource."),
     ("410", "The resource is no longer kept."),
     ("413", "The body is too large."),
-    ("415", "The body is neither JSON nor MessagePack."),
+    ("415", "The body is neither JSON nor MessagePack, or it is compressed."),
     ("422", "A field is invalid; the problem names it."),
     ("426", "The request must be an upgrade to a WebSocket."),
-    ("429", "The limit of requests is reached; retry after `Retry-After`."),
+    ("429", "A limit of the server is reached; retry after `Retry-After`."),
     ("503", "The server cannot respond now; retry after `Retry-After`."),
 ];
 
@@ -119,7 +119,7 @@ fn describe_responses(operation: &mut Map<String, Value>) {
             response.insert("description".to_owned(), json!(words));
         }
         if matches!(status.as_str(), "429" | "503") {
-            let seconds = json!({"description": "Seconds after which to retry.", "schema": {"type": "integer", "minimum": 0}});
+            let seconds = json!({"description": "Time after which to retry, seconds.", "schema": {"type": "integer", "minimum": 0}});
             response.entry("headers").or_insert(json!({"Retry-After": seconds}));
         }
     }

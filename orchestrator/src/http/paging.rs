@@ -9,7 +9,7 @@ use super::problem::Problem;
 pub(super) fn page_limit(limit: Option<u32>) -> Result<i64, Problem> {
     match limit.unwrap_or(50) {
         limit @ 1..=500 => Ok(i64::from(limit)),
-        limit => Err(Problem::invalid("limit", format!("it is {limit}, outside 1 to 500"))),
+        limit => Err(Problem::invalid("limit", format!("must be from 1 to 500, got {limit}"))),
     }
 }
 
@@ -36,7 +36,7 @@ impl<'a> PageCursor<'a> {
         let Some(cursor) = cursor else { return Ok(None) };
         let parts = cursor.split_once('.');
         let cursor = parts.and_then(|(number, text)| Some(Self { number: number.parse().ok()?, text }));
-        cursor.map(Some).ok_or_else(|| Problem::invalid("cursor", "it is not a cursor that a list returned"))
+        cursor.map(Some).ok_or_else(|| Problem::invalid("cursor", "must be the `next` of a previous page"))
     }
 }
 

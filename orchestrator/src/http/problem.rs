@@ -93,13 +93,13 @@ impl Problem {
 
     /// Returns the problem of a body that is too large.
     pub(super) fn too_large() -> Self {
-        let detail = "The body is larger than 16 MiB; send less at a time.";
+        let detail = "The body must have at most 16 MiB; send it in smaller requests.";
         Self::new(StatusCode::PAYLOAD_TOO_LARGE, "too_large", detail)
     }
 
     /// Returns the problem of a request that took too long. The change may have been made; a retry is safe.
     pub(super) fn timed_out() -> Self {
-        let detail = "The request took longer than a minute and was cut off; sending it again is safe.";
+        let detail = "The request exceeded its time limit of one minute; a retry is safe.";
         Self::new(StatusCode::SERVICE_UNAVAILABLE, "timed_out", detail).with_retry_after(5)
     }
 
@@ -113,7 +113,7 @@ impl Problem {
         Self::new(
             StatusCode::INTERNAL_SERVER_ERROR,
             "internal",
-            "Something failed here; the server's log says what.",
+            "The server failed to handle the request; its log has the reason.",
         )
     }
 }
@@ -128,7 +128,8 @@ impl Problem {
         match (error.outage(), error) {
             (Some(outage), _) => unavailable("unavailable", format!("Nothing was changed: {outage}.")),
             (None, ServiceError::NotCommitted { .. }) => {
-                let detail = "The change could not be written and was undone; the server's log says why.";
+                let detail =
+                    "The change could not be committed and was undone; the server's log has the reason.";
                 unavailable("not_committed", detail.to_owned())
             }
             _ => Self::internal(),
@@ -233,6 +234,6 @@ impl From<sqlx::Error> for Problem {
 
 impl From<env_core::ScenarioError> for Problem {
     fn from(error: env_core::ScenarioError) -> Self {
-        Self::invalid(error.field().to_owned(), error.to_string())
+        Self::invalid(error.field().to_owned(), error.reason())
     }
 }

@@ -50,7 +50,7 @@ fn failure_reason(error: &ServiceError) -> String {
     let reason = match (error, error.outage()) {
         (_, Some(outage)) => outage.to_string(),
         (ServiceError::Busy | ServiceError::Stopping, _) => error.to_string(),
-        _ => "the server's log says why".to_owned(),
+        _ => "the server's log has the reason".to_owned(),
     };
     format!("The database cannot be written: {reason}.")
 }

@@ -45,7 +45,7 @@ pub(super) async fn find_run_tasks(
         Some(task) => Ok(vec![*task]),
         None => {
             let known: Vec<_> = known.iter().map(|task| task.id()).collect();
-            let detail = format!("it is none of the run's tasks: {}", known.join(", "));
+            let detail = format!("must be a task of the run: {}", known.join(", "));
             Err(Problem::invalid("task", detail))
         }
     }

@@ -6,6 +6,9 @@ use env_core::format_shortest;
 use env_core::text::{MAX_QUOTED_CHARS, shorten};
 use serde::de::{self, Expected, Unexpected};
 
+/// Text before the list of known fields.
+pub(crate) const KNOWN_FIELDS: &str = "the known fields are";
+
 /// Error of a field that cannot be read: its path, and the reason.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FieldError {
@@ -22,17 +25,17 @@ impl FieldError {
 
     /// Error of a key that appears twice.
     pub(super) fn duplicate(field: &str) -> Self {
-        Self {
-            field: shorten(field, MAX_QUOTED_CHARS),
-            reason: "it is given twice; which is meant?".to_owned(),
-        }
+        Self { field: shorten(field, MAX_QUOTED_CHARS), reason: "is given twice; send it once".to_owned() }
     }
 
     /// Error of an unknown key; `known` lists the known ones.
     pub(crate) fn unknown(name: &str, known: &str) -> Self {
-        let known =
-            if known.is_empty() { "there are none here".to_owned() } else { format!("known are {known}") };
-        Self { field: shorten(name, MAX_QUOTED_CHARS), reason: format!("it is not a known field; {known}") }
+        let remedy = if known.is_empty() {
+            "this object has no fields".to_owned()
+        } else {
+            format!("{KNOWN_FIELDS} {known}")
+        };
+        Self { field: shorten(name, MAX_QUOTED_CHARS), reason: format!("is not a known field; {remedy}") }
     }
 
     /// Prefixes the path with the name of the object or list index that contains the field.
@@ -62,9 +65,9 @@ impl de::Error for FieldError {
 
     fn invalid_type(found: Unexpected<'_>, wanted: &dyn Expected) -> Self {
         Self::new(format!(
-            "it is {}, but must be {}",
-            describe_found(&found),
-            describe_expected(&wanted.to_string())
+            "must be {}, got {}",
+            describe_expected(&wanted.to_string()),
+            describe_found(&found)
         ))
     }
 
@@ -73,11 +76,11 @@ impl de::Error for FieldError {
     }
 
     fn invalid_length(length: usize, wanted: &dyn Expected) -> Self {
-        Self::new(format!("it has {length} entries, but must be {}", describe_expected(&wanted.to_string())))
+        Self::new(format!("must be {}, got {length} entries", describe_expected(&wanted.to_string())))
     }
 
     fn unknown_variant(word: &str, known: &'static [&'static str]) -> Self {
-        Self::new(format!("it is {:?}; choose one of {}", shorten(word, MAX_QUOTED_CHARS), known.join(", ")))
+        Self::new(format!("must be one of {}, got {:?}", known.join(", "), shorten(word, MAX_QUOTED_CHARS)))
     }
 
     fn unknown_field(name: &str, known: &'static [&'static str]) -> Self {
@@ -85,7 +88,7 @@ impl de::Error for FieldError {
     }
 
     fn missing_field(name: &'static str) -> Self {
-        Self { field: name.to_owned(), reason: "it is missing".to_owned() }
+        Self { field: name.to_owned(), reason: "is required".to_owned() }
     }
 
     fn duplicate_field(name: &'static str) -> Self {
@@ -111,16 +114,16 @@ fn describe_found(found: &Unexpected<'_>) -> String {
 
 /// Replaces serde's name of an expected type by plain words.
 fn describe_expected(wanted: &str) -> String {
-    let whole = |min: String, max: String| format!("a whole number from {min} to {max}");
+    let whole = |min: String, max: String| format!("an integer from {min} to {max}");
     match wanted {
         "u8" => whole("0".to_owned(), u8::MAX.to_string()),
         "u16" => whole("0".to_owned(), u16::MAX.to_string()),
         "u32" => whole("0".to_owned(), u32::MAX.to_string()),
-        "u64" | "usize" => "a whole number, 0 or more".to_owned(),
-        "i8" | "i16" | "i32" | "i64" | "isize" => "a whole number".to_owned(),
+        "u64" | "usize" => "an integer of at least 0".to_owned(),
+        "i8" | "i16" | "i32" | "i64" | "isize" => "an integer".to_owned(),
         "f32" | "f64" => "a number".to_owned(),
         "a boolean" => "true or false".to_owned(),
-        "a string" => "text in quotes".to_owned(),
+        "a string" => "a string".to_owned(),
         "a sequence" => "a list".to_owned(),
         "a map" => "an object".to_owned(),
         _ if wanted.starts_with("struct ") => "an object".to_owned(),

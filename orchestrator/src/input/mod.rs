@@ -17,6 +17,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
 pub use self::field_error::FieldError;
+pub(crate) use self::field_error::KNOWN_FIELDS;
 pub use self::strict_value::{InputError, parse_json};
 pub(crate) use self::strict_value::{from_messagepack, parse_messagepack};
 use self::value_deserializer::ValueDeserializer;

@@ -41,7 +41,7 @@ impl std::error::Error for InputError {}
 /// [`InputError::DuplicateKey`] if an object has a key twice.
 pub fn parse_json(bytes: &[u8]) -> Result<Value, InputError> {
     if bytes.iter().all(u8::is_ascii_whitespace) {
-        return Err(InputError::Malformed("there is nothing in it".to_owned()));
+        return Err(InputError::Malformed("it is empty".to_owned()));
     }
     let mut reader = serde_json::Deserializer::from_slice(bytes);
     parse_strictly(|seed| seed.deserialize(&mut reader).and_then(|value| reader.end().map(|()| value)))
@@ -124,7 +124,7 @@ impl<'de> DeserializeSeed<'de> for StrictValueSeed<'_> {
     fn deserialize<D: de::Deserializer<'de>>(self, reader: D) -> Result<Value, D::Error> {
         let remaining = self.remaining.get().checked_sub(1);
         self.remaining.set(remaining.ok_or_else(|| {
-            de::Error::custom(format!("it holds more than {MAX_VALUES} values; send less at a time"))
+            de::Error::custom(format!("it has more than {MAX_VALUES} values; send less at a time"))
         })?);
         reader.deserialize_any(self)
     }
@@ -186,7 +186,7 @@ impl<'de> Visitor<'de> for StrictValueSeed<'_> {
                 }
                 Entry::Occupied(entry) => {
                     *self.duplicate.borrow_mut() = Some(FieldError::duplicate(entry.key()));
-                    return Err(de::Error::custom("a key is there twice"));
+                    return Err(de::Error::custom("an object has the same key twice"));
                 }
             }
         }

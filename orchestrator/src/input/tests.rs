@@ -64,6 +64,8 @@ fn errors_name_the_field_in_plain_words() {
         r#"{"name": 1e300}"#,
         r#"{"kind": "odd"}"#,
         r#"{"kind": 3}"#,
+        r#"{"kind": {}}"#,
+        r#"{"kind": {"plain": null}}"#,
         r#"{"flag": 1}"#,
         r#"{"nmae": "x"}"#,
         r#"{"deep": {"wanted": 1}}"#,

@@ -1,6 +1,6 @@
 //! A serde deserializer of JSON values that accepts only objects as structs and adds the path to every error.
 
-use serde::de::value::{MapAccessDeserializer, StringDeserializer};
+use serde::de::value::StringDeserializer;
 use serde::de::{self, DeserializeSeed, Deserializer, Error as _, IntoDeserializer, Unexpected, Visitor};
 use serde::forward_to_deserialize_any;
 use serde_json::{Map, Value};
@@ -118,9 +118,6 @@ impl<'de> Deserializer<'de> for ValueDeserializer {
             Value::String(variant) => {
                 let variant: StringDeserializer<FieldError> = variant.into_deserializer();
                 visitor.visit_enum(variant)
-            }
-            Value::Object(fields) => {
-                visitor.visit_enum(MapAccessDeserializer::new(ObjectAccess::new(fields, self.is_query)))
             }
             _ => Err(self.wrong_type(&format!("one of {}", variants.join(", ")))),
         }

@@ -32,7 +32,7 @@ pub fn parse_judge(word: &str) -> Result<Judge, String> {
         "off" | "false" | "0" | "no" | "" => Ok(Judge::Off),
         "deterministic" => Ok(Judge::Deterministic),
         "llm" | "true" | "1" | "yes" | "on" => Ok(Judge::Llm),
-        _ => Err("off, deterministic or llm is wanted (true is llm, false is off)".to_owned()),
+        _ => Err("must be off, deterministic or llm (true means llm, false means off)".to_owned()),
     }
 }
 
@@ -155,11 +155,11 @@ impl Judges {
         match judged {
             Ok(Ok(judged)) => judged,
             Ok(Err(error)) => {
-                tracing::warn!(%error, "A step could not be judged.");
+                tracing::warn!(%error, "The judge failed on a step.");
                 None
             }
             Err(error) => {
-                tracing::error!(%error, "A judge failed.");
+                tracing::error!(%error, "The judge panicked on a step.");
                 None
             }
         }

@@ -3,6 +3,7 @@
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
+use env_core::format_shortest;
 use llm::{
     ChatCall, ChatRequest, LlmClient, LlmConfig, LlmError, Message, Role, TokenUsage, json_values,
     strip_reasoning,
@@ -115,10 +116,10 @@ impl ModelJudge {
         let entry = self.cache.entry(key).or_try_insert_with(call);
         let entry = match tokio::time::timeout(self.timeout, entry).await {
             Ok(entry) => entry.map_err(|error| error.0.clone()),
-            Err(_) => Err(format!("there was no verdict within {} s", self.timeout.as_secs_f64())),
+            Err(_) => Err(format!("the model returned no verdict within {} s", self.timeout.as_secs_f64())),
         };
         if let Err(reason) = &entry {
-            tracing::warn!(run = step.run, episode = step.episode, reason, "The judge gave no verdict.");
+            tracing::warn!(run = step.run, episode = step.episode, reason, "The judge returned no verdict.");
         }
         ModelVerdict {
             is_cached: entry.as_ref().is_ok_and(|entry| !entry.is_fresh()),
@@ -148,7 +149,7 @@ impl ModelJudge {
         let response = self.llm.complete(&call, usage).await;
         let response = response.map_err(|error: LlmError| NoVerdict(error.to_string()))?;
         parse_verdict(&response.text, self.llm.config())
-            .map_err(|reason| NoVerdict(format!("its answer is no verdict: {reason}")))
+            .map_err(|reason| NoVerdict(format!("the reply has no valid verdict: {reason}")))
     }
 }
 
@@ -168,24 +169,24 @@ fn cache_key(system: &str, user: &str) -> [u8; 32] {
 /// Returns the reason why the reply has no valid verdict.
 pub(super) fn parse_verdict(text: &str, config: &LlmConfig) -> Result<StepVerdict, String> {
     if text.len() > llm::MAX_ANSWER_BYTES {
-        return Err(format!("it is {} bytes long", text.len()));
+        return Err(format!("it has {} bytes, more than the maximum", text.len()));
     }
     let verdicts = json_values(strip_reasoning(text.trim())).filter(|value| value.get("score").is_some());
-    let mut verdict = verdicts.last().ok_or("it holds no JSON object with a score")?;
+    let mut verdict = verdicts.last().ok_or("it has no JSON object with the field `score`")?;
     // Some endpoints repeat the API key.
     config.redact_key_in(&mut verdict);
     let score = verdict["score"].as_f64().filter(|score| score.is_finite());
     let score = score.ok_or_else(|| {
-        format!("its score is no number: {}", llm::sanitize_line(&verdict["score"].to_string()))
+        format!("`score` must be a number, got {}", llm::sanitize_line(&verdict["score"].to_string()))
     })?;
     if !(-1.0..=1.0).contains(&score) {
-        return Err(format!("its score is {score}, outside -1 to 1"));
+        return Err(format!("`score` must be from -1 to 1, got {}", format_shortest(score)));
     }
     // Control characters could steer a terminal.
     let reasoning: Option<String> = verdict["reasoning"]
         .as_str()
         .map(|text| text.chars().filter(|c| !c.is_control() || *c == '\n').collect());
     let reasoning = reasoning.as_deref().map(str::trim).filter(|text| !text.is_empty());
-    let reasoning = reasoning.ok_or("it says no reason")?;
+    let reasoning = reasoning.ok_or("`reasoning` is empty")?;
     Ok(StepVerdict { score, reasoning: reasoning.chars().take(MAX_REASONING_CHARS).collect() })
 }

@@ -4,9 +4,9 @@ use super::JudgedStep;
 use crate::policy::{TimeStep, prompt};
 
 /// Version of the prompt texts.
-pub(super) const JUDGE_PROMPT_VERSION: &str = "judge-1";
-const JUDGE_SYSTEM_TEMPLATE: &str = include_str!("../../prompts/judge-1/system.md");
-const JUDGE_USER_TEMPLATE: &str = include_str!("../../prompts/judge-1/user.md");
+pub(super) const JUDGE_PROMPT_VERSION: &str = "judge-2";
+const JUDGE_SYSTEM_TEMPLATE: &str = include_str!("../../prompts/judge-2/system.md");
+const JUDGE_USER_TEMPLATE: &str = include_str!("../../prompts/judge-2/user.md");
 
 /// Returns the system message: the rules of the task, and how to judge.
 pub(super) fn system(step: &JudgedStep<'_>) -> String {

@@ -19,7 +19,7 @@ use crate::leases::create::{CreateLease, GrantedLease, TTL_S};
 use crate::leases::prepare::recipe_of;
 use crate::leases::seeds::seed_of;
 use crate::runs::settings::MAX_GROUP_SIZE;
-use crate::runs::validate::check_range;
+use crate::runs::validate::{check_episodes, check_range};
 use curriculum::{Proposal, SequencedProposal};
 
 /// Most groups, and most episodes, of a lease of columns.
@@ -39,20 +39,20 @@ impl CreateColumnLease {
             return Err(ServiceError::Paused(state.run.clone()));
         }
         if request.purpose == Purpose::Eval {
-            let why = "evaluations are flown on groups, every one of them replayed; leave form out";
+            let why = "must be groups with `purpose: eval`: every episode of an evaluation is replayed";
             return Err(ServiceError::invalid("form", why));
         }
         if request.evaluation.is_some() {
-            return Err(ServiceError::invalid("evaluation", "suites are flown on groups; leave form out"));
+            return Err(ServiceError::invalid("evaluation", "needs `form: groups` and `purpose: eval`"));
         }
         if request.refill {
-            let why = "it needs results per group; remove it, or use `form: groups`";
+            let why = "needs results per group; leave it out, or use `form: groups`";
             return Err(ServiceError::invalid("refill", why));
         }
         let strategy = state.settings.curriculum.strategy;
         if strategy.replays_scenarios() {
             let why = format!(
-                "{strategy} repeats scenarios, which column leases cannot contain; use `form: groups`"
+                "must be groups: the strategy {strategy} repeats scenarios, which ranges of seeds cannot contain"
             );
             return Err(ServiceError::invalid("form", why));
         }
@@ -60,7 +60,7 @@ impl CreateColumnLease {
         check_range("groups", request.groups, 1, MAX_COLUMN_GROUPS)?;
         check_range("group_size", group_size, 1, MAX_GROUP_SIZE)?;
         check_range("ttl_s", request.ttl_s, *TTL_S.start(), *TTL_S.end())?;
-        check_range("groups × group_size", request.groups.saturating_mul(group_size), 1, MAX_COLUMN_GROUPS)?;
+        check_episodes(request.groups, group_size, MAX_COLUMN_GROUPS)?;
         Ok(group_size)
     }
 }

@@ -24,7 +24,7 @@ use crate::leases::proposal_queue::{self, QUEUE_TARGET};
 use crate::leases::scenario_cache::ScenarioCache;
 use crate::metrics::LeaseEvent;
 use crate::runs::settings::MAX_GROUP_SIZE;
-use crate::runs::validate::check_range;
+use crate::runs::validate::{check_episodes, check_range};
 
 /// Most groups of a lease.
 pub const MAX_GROUPS: u32 = 1024;
@@ -91,13 +91,13 @@ impl CreateLease {
         check_range("groups", self.groups, 1, MAX_GROUPS)?;
         check_range("group_size", group_size, 1, MAX_GROUP_SIZE)?;
         check_range("ttl_s", self.ttl_s, *TTL_S.start(), *TTL_S.end())?;
-        check_range("groups × group_size", self.groups * group_size, 1, MAX_EPISODES)?;
+        check_episodes(self.groups, group_size, MAX_EPISODES)?;
         if self.evaluation.is_some() && self.purpose != Purpose::Eval {
-            let why = "its scenarios are flown with purpose: eval";
+            let why = "needs `purpose: eval`";
             return Err(ServiceError::invalid("evaluation", why));
         }
         if self.refill && (group_size < 2 || self.purpose != Purpose::Train) {
-            let why = "it needs purpose `train` and a `group_size` of at least 2";
+            let why = "needs `purpose: train` and a `group_size` of at least 2";
             return Err(ServiceError::invalid("refill", why));
         }
         Ok(group_size)

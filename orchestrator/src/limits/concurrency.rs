@@ -34,7 +34,7 @@ pub struct ConcurrencyLimits {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum ConcurrencyError {
     /// No permit became free in time.
-    #[error("Too many {0}; try again in a moment.")]
+    #[error("too many {0}; retry in a few seconds")]
     Overloaded(&'static str),
     /// The work panicked on its thread.
     #[error("the work panicked")]
@@ -44,9 +44,9 @@ pub enum ConcurrencyError {
 impl Default for ConcurrencyLimits {
     fn default() -> Self {
         Self {
-            planning: ConcurrencyLimit::new("scenarios are being planned on"),
-            rollouts: ConcurrencyLimit::new("scenarios are being flown by hand"),
-            searches: ConcurrencyLimit::new("searches are under way"),
+            planning: ConcurrencyLimit::new("scenarios are being checked"),
+            rollouts: ConcurrencyLimit::new("rollouts are running"),
+            searches: ConcurrencyLimit::new("searches are running"),
         }
     }
 }

@@ -105,7 +105,7 @@ impl ActionCodec {
         let last = items["properties"][field]["maximum"].as_i64()?;
         entries.as_array()?.iter().enumerate().find_map(|(index, entry)| {
             let agent = parse_integer(entry.get(field)?).ok().filter(|agent| !(0..=last).contains(agent))?;
-            Some(format!("{list}.{index}.{field}: {agent} is outside 0 to {last}"))
+            Some(format!("{list}.{index}.{field}: must be from 0 to {last}, got {agent}"))
         })
     }
 

@@ -192,7 +192,7 @@ impl ChatPolicy {
                 Err(reason) => reason,
             };
             turn.invalid += 1;
-            turn.error = Some(format!("the answer is no action: {reason}"));
+            turn.error = Some(format!("the reply is not an action: {reason}"));
             let is_cut = turn.completions.last().is_some_and(|completion| completion.truncated);
             turn.failure = Some(if is_cut { ActionFailure::CutOff } else { ActionFailure::Invalid });
             let repeated: String = text.chars().take(MAX_REPEATED_CHARS).collect();
@@ -242,7 +242,7 @@ impl ChatPolicy {
     fn record_response(&self, response: ChatResponse, completion: &mut Completion) -> ModelReply {
         let is_cut = response.is_truncated;
         let action = parse_action(&response.text, self.prompt.codec(), self.llm.config()).map_err(|reason| {
-            if is_cut { format!("{reason}; it was cut off for its length") } else { reason }
+            if is_cut { format!("{reason}; it was cut off at the maximum number of tokens") } else { reason }
         });
         completion.truncated = is_cut;
         completion.tokens = response.token_details;

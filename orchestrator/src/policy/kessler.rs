@@ -11,7 +11,7 @@ use serde_json::Value;
 /// Number of steps in a kessler episode.
 pub(super) const STEPS: u32 = HORIZON;
 /// Description of an action for the system message.
-pub(super) const ACTION_FORM: &str = "It is {\"burns\": [...]}, with at most one burn a satellite: {\"satellite_id\": number, \
+pub(super) const ACTION_FORM: &str = "The object is {\"burns\": [...]}, with at most one burn for each satellite: {\"satellite_id\": number, \
                                \"delta_vx\": number, \"delta_vy\": number}. {\"burns\": []} does nothing.";
 /// Number of steps over which threats are predicted, by the plain dynamics and under *hold*.
 const THREAT_LOOK_AHEAD: u32 = 10;
@@ -98,7 +98,7 @@ fn write_goal(telemetry: &KesslerTelemetry, text: &mut String) {
             Some(format!("{a}-{b} {distance:.1}"))
         });
         let distances: Vec<String> = pairs.collect();
-        let _ = writeln!(text, "Distances, {FORMATION_SIDE:.0} is wanted: {}.", distances.join(", "));
+        let _ = writeln!(text, "Distances (target {FORMATION_SIDE:.0}): {}.", distances.join(", "));
     }
 }
 
@@ -129,7 +129,7 @@ fn write_threats(telemetry: &KesslerTelemetry, text: &mut String) {
         threats.extend(near.into_iter().take(MAX_THREATS));
     }
     let range = if telemetry.radar_range > 0.0 {
-        format!(", radar sees {:.0} far", telemetry.radar_range)
+        format!(", radar range {:.0}", telemetry.radar_range)
     } else {
         String::new()
     };
@@ -137,16 +137,16 @@ fn write_threats(telemetry: &KesslerTelemetry, text: &mut String) {
     if threats.is_empty() {
         let _ = writeln!(
             text,
-            "Debris: {pieces} pieces in sight{range}; within {THREAT_LOOK_AHEAD} steps none comes nearer than \
-             {THREAT_DISTANCE:.0} if nobody burns."
+            "Debris: {pieces} pieces visible{range}; within {THREAT_LOOK_AHEAD} steps none comes nearer than \
+             {THREAT_DISTANCE:.0} if no satellite burns."
         );
         return;
     }
     let _ = writeln!(
         text,
-        "Debris: {pieces} pieces in sight{range}; what comes nearer than {THREAT_DISTANCE:.0} within {THREAT_LOOK_AHEAD} steps \
-         if nobody burns (side: unit vector from the satellite to where it is nearest):\n\
-         satellite, debris, distance now, nearest, in steps, side, relative speed"
+        "Debris: {pieces} pieces visible{range}; these come nearer than {THREAT_DISTANCE:.0} within {THREAT_LOOK_AHEAD} steps \
+         if no satellite burns (side: unit vector from the satellite to the debris at the closest approach):\n\
+         satellite, debris, distance now, closest distance, in steps, side, relative speed"
     );
     for threat in threats {
         let Threat { satellite, debris, distance, min_distance, step, direction, speed } = threat;
@@ -201,8 +201,10 @@ fn write_warnings(telemetry: &KesslerTelemetry, text: &mut String) {
     let Some(warnings) = telemetry.conjunctions.as_ref().filter(|warnings| !warnings.is_empty()) else {
         return;
     };
-    let _ =
-        writeln!(text, "Warnings of the operator:\nsatellite, debris, in, miss, probability of a collision");
+    let _ = writeln!(
+        text,
+        "Conjunction warnings:\nsatellite, debris, in steps, miss distance, probability of a collision"
+    );
     for warning in warnings.iter().take(MAX_WARNINGS) {
         let _ = writeln!(
             text,

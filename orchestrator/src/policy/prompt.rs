@@ -9,17 +9,17 @@ use super::kessler;
 use super::time_step::TimeStep;
 
 /// Version of the prompt texts.
-const PROMPT_VERSION: &str = "1";
-const SYSTEM_TEMPLATE: &str = include_str!("../../prompts/1/system.md");
-const USER_TEMPLATE: &str = include_str!("../../prompts/1/user.md");
-const REPAIR_TEMPLATE: &str = include_str!("../../prompts/1/repair.md");
-const OTHER_RULES: &str = include_str!("../../prompts/1/other.md");
-const KESSLER_RULES: &str = include_str!("../../prompts/1/kessler.md");
+const PROMPT_VERSION: &str = "2";
+const SYSTEM_TEMPLATE: &str = include_str!("../../prompts/2/system.md");
+const USER_TEMPLATE: &str = include_str!("../../prompts/2/user.md");
+const REPAIR_TEMPLATE: &str = include_str!("../../prompts/2/repair.md");
+const OTHER_RULES: &str = include_str!("../../prompts/2/other.md");
+const KESSLER_RULES: &str = include_str!("../../prompts/2/kessler.md");
 const KESSLER_GOALS: [(&str, &str); 4] = [
-    ("kessler/survival", include_str!("../../prompts/1/kessler-survival.md")),
-    ("kessler/eco_station", include_str!("../../prompts/1/kessler-eco_station.md")),
-    ("kessler/rendezvous", include_str!("../../prompts/1/kessler-rendezvous.md")),
-    ("kessler/formation", include_str!("../../prompts/1/kessler-formation.md")),
+    ("kessler/survival", include_str!("../../prompts/2/kessler-survival.md")),
+    ("kessler/eco_station", include_str!("../../prompts/2/kessler-eco_station.md")),
+    ("kessler/rendezvous", include_str!("../../prompts/2/kessler-rendezvous.md")),
+    ("kessler/formation", include_str!("../../prompts/2/kessler-formation.md")),
 ];
 /// Significant digits of numbers in a compact observation of a world without tables.
 const SIGNIFICANT_DIGITS: usize = 4;
@@ -54,14 +54,14 @@ impl TaskPrompt {
         let form = if has_tables {
             kessler::ACTION_FORM.to_owned()
         } else {
-            format!("It keeps to this JSON schema: {}", codec.schema())
+            format!("The object must match this JSON schema: {}", codec.schema())
         };
         let system = fill_template(SYSTEM_TEMPLATE, &[("rules", task_rules(task)), ("form", form)]);
         let world = task.world().split('@').next().unwrap_or_default();
         Self { codec, format, system: system.trim_end().to_owned(), world, has_tables }
     }
 
-    /// Returns the version of the prompt: `kessler-1`, or `kessler-1-raw` with raw observations.
+    /// Returns the version of the prompt: `kessler-2`, or `kessler-2-raw` with raw observations.
     #[must_use]
     pub fn version(&self) -> String {
         let raw = if self.format == ObservationFormat::Raw { "-raw" } else { "" };

@@ -11,7 +11,7 @@ use super::action_codec::ActionCodec;
 /// Returns the reason why there is no action, as half a sentence that the model can act on.
 pub(super) fn parse_action(text: &str, codec: &ActionCodec, config: &LlmConfig) -> Result<Value, String> {
     if text.len() > MAX_ANSWER_BYTES {
-        return Err(format!("it is {} bytes long", text.len()));
+        return Err(format!("it has {} bytes, more than {MAX_ANSWER_BYTES}", text.len()));
     }
     let text = text.trim();
     if text.is_empty() {
@@ -27,11 +27,11 @@ pub(super) fn parse_action(text: &str, codec: &ActionCodec, config: &LlmConfig) 
         config.redact_key_in(&mut value);
         match codec.extract(value) {
             Some(action) => return action,
-            None => reason = Some(format!("{} is missing", codec.list_field())),
+            None => reason = Some(format!("the field {} is missing", codec.list_field())),
         }
     }
     Err(reason.unwrap_or_else(|| match serde_json::from_str::<Value>(answer) {
-        Err(error) if answer.contains('{') => format!("it is no JSON ({error})"),
-        _ => "it holds no JSON object".to_owned(),
+        Err(error) if answer.contains('{') => format!("it is not JSON ({error})"),
+        _ => "it has no JSON object".to_owned(),
     }))
 }

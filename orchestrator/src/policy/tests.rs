@@ -55,7 +55,7 @@ fn prompts_hold_the_rules_and_the_observation() {
     let prompt = TaskPrompt::new(docking(), ObservationFormat::Compact);
     let user = prompt.user(1, &time_step_after(task, 1, 0));
     insta::assert_snapshot!("prompt_docking", format!("{}\n\n=====\n\n{user}", prompt.system()));
-    insta::assert_snapshot!(prompt.repair("burns is missing"), @r#"That is no action: burns is missing. Answer with one JSON object and nothing else; {"thrusts":[]} does nothing."#);
+    insta::assert_snapshot!(prompt.repair("burns is missing"), @r#"Your answer is not a valid action: burns is missing. Answer with one JSON object and nothing else; {"thrusts":[]} does nothing."#);
 }
 
 #[test]
@@ -64,7 +64,7 @@ fn raw_format_repeats_the_servers_observation() {
     let time_step = time_step_after(task, 3, 2);
     let prompt = prompt_of(TASKS[0], ObservationFormat::Raw);
     assert!(prompt.user(3, &time_step).contains(&time_step.observation.to_string()));
-    assert_eq!(prompt.version(), "kessler-1-raw");
+    assert_eq!(prompt.version(), "kessler-2-raw");
     // An observation of another world is formatted as JSON with fewer digits.
     let odd = TimeStep { observation: json!({"x": [1.234_567_8, {"n": 7}]}), reward: 0.0, done: false };
     assert!(

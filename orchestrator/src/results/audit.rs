@@ -96,7 +96,7 @@ fn audit_episode(
                 }
                 (ReportedOutcome::Logged(log), Some(target)) => replay_log(target, settings, &log),
                 (ReportedOutcome::Finished { .. } | ReportedOutcome::Logged(_), None) => {
-                    AuditOutcome::refused(RefusalCode::UnknownEpisode, "its scenario is gone")
+                    AuditOutcome::refused(RefusalCode::UnknownEpisode, "its scenario was deleted")
                 }
             };
             (Some(place.episode), outcome)
@@ -115,7 +115,7 @@ fn invalid_log(error: ReplayError) -> AuditOutcome {
 
 fn replay_log(target: &ReplayTarget, settings: &RunSettings, log: &ActionLog) -> AuditOutcome {
     let ReplayTarget { scenario, bracket: Some(bracket) } = target else {
-        return AuditOutcome::refused(RefusalCode::InvalidLog, "its scenario cannot be flown");
+        return AuditOutcome::refused(RefusalCode::InvalidLog, "its scenario has no fair start");
     };
     let outcome = match replay(scenario, log) {
         Ok(outcome) => outcome,

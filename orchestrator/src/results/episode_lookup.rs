@@ -84,7 +84,7 @@ impl<'a> EpisodeFinder<'a> {
         };
         if id.index >= lease.episodes() {
             let last = lease.episodes() - 1;
-            let detail = format!("the lease's episodes are 0 to {last}");
+            let detail = format!("the index must be from 0 to {last} in this lease, got {}", id.index);
             return Ok(Err(AuditOutcome::refused(RefusalCode::UnknownEpisode, detail)));
         }
         let group = id.index / lease.group_size;
@@ -125,9 +125,9 @@ impl<'a> EpisodeFinder<'a> {
         let Ok(EpisodePlace { group, .. }) = lookup else { return };
         if !self.targets.contains_key(group) {
             let detail = if self.needed.get(&group.lease).is_some_and(|needed| needed.is_columns) {
-                "the episode is not audited; its result comes from the columns"
+                "the episode is not audited; its result is in the columns"
             } else {
-                "the lease has no such group"
+                "the lease does not have this group"
             };
             *lookup = Err(AuditOutcome::refused(RefusalCode::UnknownEpisode, detail));
         }
@@ -167,9 +167,9 @@ impl<'a> EpisodeFinder<'a> {
             row => row,
         };
         let found = match row.filter(|row| row.id_suffix == id.suffix) {
-            None => Err(Refusal::new(RefusalCode::UnknownEpisode, format!("there is no lease {id}"))),
+            None => Err(Refusal::new(RefusalCode::UnknownEpisode, format!("lease {id} does not exist"))),
             Some(row) if row.run != self.run.as_str() => {
-                let detail = format!("lease {id} is not one of run {}", self.run);
+                let detail = format!("lease {id} does not belong to run {}", self.run);
                 Err(Refusal::new(RefusalCode::ForeignEpisode, detail))
             }
             Some(row) => Ok(row),

@@ -70,7 +70,7 @@ pub(crate) fn duplicate_receipt(episode: String, earlier: &ReportedResult, diges
             success: earlier.success,
         }
     } else {
-        let detail = "a different result was reported earlier and was kept";
+        let detail = "the episode already has a different result, which was kept";
         refused_receipt(episode, Refusal::new(RefusalCode::Conflict, detail))
     }
 }

@@ -113,8 +113,10 @@ impl ReportBatch {
         if version != lease.policy_version
             && store_results::is_evaluation_episode(tx, &lease, key.number).await?
         {
-            let detail =
-                format!("its evaluation is of version {}, and this of {version}", lease.policy_version);
+            let detail = format!(
+                "the policy version must be {}, that of the evaluation, got {version}",
+                lease.policy_version
+            );
             return Ok(refused_receipt(episode, Refusal::new(RefusalCode::VersionMismatch, detail)));
         }
         let row = EpisodeRow {

@@ -22,7 +22,7 @@ pub struct PackedGroup {
 #[derive(Debug, thiserror::Error)]
 pub enum PackError {
     /// The group is too large even without observations and conversations.
-    #[error("the group is {} MiB of JSON without observations and conversations; at most {} are kept", .0 >> 20, MAX_BARE_GROUP_BYTES >> 20)]
+    #[error("the group has {} MiB of JSON without observations and conversations; the maximum is {} MiB", .0 >> 20, MAX_BARE_GROUP_BYTES >> 20)]
     TooLarge(usize),
     /// The group cannot be written as JSON.
     #[error("the group cannot be written: {0}")]

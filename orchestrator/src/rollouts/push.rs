@@ -94,7 +94,7 @@ impl Change for PushGroup {
                 TokenCounts { tokens_in: to_i64(usage.tokens_in), tokens_out: to_i64(usage.tokens_out) };
             run_policies::add_spend(conn, &run, now.div_euclid(DAY_MS), tokens, usage.cost).await?;
         }
-        let late = is_late.then(|| "its lease was over before the group was rolled out".to_owned());
+        let late = is_late.then(|| "a lease ended before its group was rolled out".to_owned());
         if let Some(error) = error.or(late) {
             run_policies::set_error(conn, &run, &error, now).await?;
             tx.emit(&run, &RunEvent::Warning { task: None, message: &error })?;

@@ -1,6 +1,7 @@
 //! The policy of a run: its request, its stored settings, and the changes that set it.
 
 use api_types::{PolicyRequest, PolicySettings};
+use env_core::format_shortest;
 use env_core::text::{MAX_QUOTED_CHARS, shorten};
 use llm::LlmClient;
 use store::ids::RunId;
@@ -43,7 +44,7 @@ impl SetPolicy {
     ) -> Result<Self, ServiceError> {
         let policy = RunPolicy::from(request.policy.clone());
         if policy == RunPolicy::Chat && endpoint.is_none() {
-            let reason = "this server has no language model for the policy chat; serve with --policy-url and --policy-model";
+            let reason = "the server has no language model for the policy chat; start it with --policy-url and --policy-model";
             return Err(ServiceError::invalid("policy", reason));
         }
         let settings = settings_from_request(request, endpoint)?;
@@ -64,8 +65,7 @@ impl Change for SetPolicy {
         let before = run_policies::get(run.conn, self.run.as_str()).await?.map_or(0, |row| row.version);
         let version = self.version.map_or(before, i64::from);
         if version < before {
-            let reason =
-                format!("it is {version}, but the run is at {before} already; versions never go down");
+            let reason = format!("must be at least {before}, the version of the run, got {version}");
             return Err(ServiceError::invalid("version", reason));
         }
         let settings = to_json(&self.settings)?;
@@ -91,7 +91,10 @@ fn settings_from_request(
     let defaults = PolicySettings::default();
     let temperature = request.temperature.or_else(|| endpoint.and_then(|endpoint| endpoint.temperature));
     if let Some(temperature) = temperature.filter(|temperature| !(0.0..=5.0).contains(temperature)) {
-        return Err(ServiceError::invalid("temperature", format!("it is {temperature}, outside 0 to 5")));
+        return Err(ServiceError::invalid(
+            "temperature",
+            format!("must be from 0 to 5, got {}", format_shortest(temperature)),
+        ));
     }
     let settings = PolicySettings {
         temperature,
@@ -120,7 +123,7 @@ fn check_policy(task: &str, policy: &str) -> Result<(), ServiceError> {
     let known: Vec<&str> = specs.iter().map(|spec| spec.name).collect();
     let policy = shorten(policy, MAX_QUOTED_CHARS);
     let reason = format!(
-        "there is no policy {policy:?} for {task}; choose {}, {}, or one of {}",
+        "must be {}, {}, or a built-in policy of {task} ({}), got {policy:?}",
         RunPolicy::Off,
         RunPolicy::Chat,
         known.join(", ")

@@ -43,9 +43,8 @@ impl CreateRun {
         check_run_name(&name)?;
         let seed = request.seed.unwrap_or_else(random_seed);
         // Every seed that a client chooses has the same bound.
-        Seed::user(seed).map_err(|_| {
-            ServiceError::invalid("seed", format!("it is {seed}, but must be {SEED_REQUIREMENT}"))
-        })?;
+        Seed::user(seed)
+            .map_err(|_| ServiceError::invalid("seed", format!("must be {SEED_REQUIREMENT}, got {seed}")))?;
         Ok(Self { id, name, seed, settings: RunSettings::try_from(request)?, owner: None })
     }
 

@@ -32,7 +32,7 @@ impl DescribePolicyVersion {
     ) -> Result<Self, ServiceError> {
         for (field, text) in [("checkpoint", &request.checkpoint), ("notes", &request.notes)] {
             if text.as_ref().is_some_and(|text| text.chars().count() > MAX_DESCRIPTION_CHARS) {
-                let reason = format!("at most {MAX_DESCRIPTION_CHARS} characters are taken");
+                let reason = format!("must have at most {MAX_DESCRIPTION_CHARS} characters");
                 return Err(ServiceError::invalid(field, reason));
             }
         }

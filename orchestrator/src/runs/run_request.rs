@@ -20,7 +20,7 @@ impl TryFrom<&RunRequest> for RunSettings {
     /// Checks a request and returns complete settings. The error names the first invalid field.
     fn try_from(request: &RunRequest) -> Result<Self, ServiceError> {
         if request.tasks.as_ref().is_some_and(|tasks| tasks.len() > MAX_TASKS) {
-            return Err(ServiceError::invalid("tasks", format!("at most {MAX_TASKS} are taken")));
+            return Err(ServiceError::invalid("tasks", format!("must have at most {MAX_TASKS} entries")));
         }
         let update = SettingsUpdate {
             strategy: request.strategy,

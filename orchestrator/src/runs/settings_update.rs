@@ -91,7 +91,7 @@ impl SettingsUpdate<'_> {
             let id: String = id.chars().take(MAX_ECHOED_CHARS).collect();
             return Err(ServiceError::invalid(
                 format!("task_settings.{id}"),
-                "it is none of the run's tasks",
+                "is not a task of the run; add it to `tasks`",
             ));
         }
         let mut plans = Vec::with_capacity(ids.len());
@@ -132,7 +132,7 @@ fn apply_task_request(
     let field = |name: &str| format!("task_settings.{task}.{name}");
     if let Some(threshold) = request.success_threshold {
         if !threshold.is_finite() {
-            return Err(ServiceError::invalid(field("success_threshold"), "it must be a finite number"));
+            return Err(ServiceError::invalid(field("success_threshold"), "must be a finite number"));
         }
         thresholds.insert(plan.task.clone(), threshold);
     }
@@ -140,7 +140,7 @@ fn apply_task_request(
         && let Some(spec) = env_core::task(&plan.task)
     {
         plan.levels = env_core::space::Levels::new(spec.params(), table.columns.clone(), table.rows.clone())
-            .map_err(|error| ServiceError::invalid(field("levels"), error.to_string()))?;
+            .map_err(|error| ServiceError::invalid(field(error.field()), error.reason()))?;
     }
     plan.weight = request.weight.unwrap_or(plan.weight);
     match &request.physics {

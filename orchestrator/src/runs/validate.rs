@@ -13,8 +13,21 @@ pub(crate) fn check_range(field: &str, value: u32, min: u32, max: u32) -> Result
     if (min..=max).contains(&value) {
         Ok(())
     } else {
-        Err(ServiceError::invalid(field, format!("it is {value}, outside {min} to {max}")))
+        Err(ServiceError::invalid(field, format!("must be from {min} to {max}, got {value}")))
     }
+}
+
+/// Checks the number of episodes of a lease, `groups` × `group_size`.
+///
+/// # Errors
+/// Returns an error that names the field `groups` if there are more than `max` episodes.
+pub(crate) fn check_episodes(groups: u32, group_size: u32, max: u32) -> Result<(), ServiceError> {
+    let episodes = groups.saturating_mul(group_size);
+    if episodes > max {
+        let reason = format!("`groups` × `group_size` must be at most {max}, got {episodes}");
+        return Err(ServiceError::invalid("groups", reason));
+    }
+    Ok(())
 }
 
 /// Checks the name of a run: 1 to 200 characters.
@@ -23,10 +36,7 @@ pub(crate) fn check_range(field: &str, value: u32, min: u32, max: u32) -> Result
 /// Returns an error that names the field `name` if the name is empty or too long.
 pub(crate) fn check_run_name(name: &str) -> Result<(), ServiceError> {
     if name.is_empty() || name.chars().count() > MAX_RUN_NAME_CHARS {
-        return Err(ServiceError::invalid(
-            "name",
-            format!("it must have 1 to {MAX_RUN_NAME_CHARS} characters"),
-        ));
+        return Err(ServiceError::invalid("name", format!("must have 1 to {MAX_RUN_NAME_CHARS} characters")));
     }
     Ok(())
 }

@@ -77,12 +77,12 @@ pub enum StartError {
     Store(#[from] StoreError),
     /// Other hosts can reach the address, and the server has no tokens.
     #[error(
-        "other hosts can reach {0}, and the server has no tokens: create one with `sparring token create`, bind a loopback address such as 127.0.0.1:8700, or serve only OpenEnv's routes with --openenv-public"
+        "other hosts can reach {0}, but the server has no tokens; create one with `sparring token create`, bind a loopback address such as 127.0.0.1:8700, or serve only OpenEnv's routes with --openenv-public"
     )]
     NoTokens(SocketAddr),
     /// Other hosts can reach the address, and none of the server's tokens is valid.
     #[error(
-        "other hosts can reach {0}, and every token has expired or was revoked (`sparring token list` shows them): create one with `sparring token create`"
+        "other hosts can reach {0}, but every token has expired or was revoked (see `sparring token list`); create one with `sparring token create`"
     )]
     NoValidTokens(SocketAddr),
     /// The system cannot start more threads.

@@ -148,7 +148,7 @@ impl Service {
             Ok(Ok(())) => {}
             Ok(Err(error)) => tracing::error!(%error, "The writer failed."),
             Err(_) => {
-                tracing::warn!("The writer did not end in time; everything that was acknowledged is stored.");
+                tracing::warn!("The writer did not end in time; all acknowledged changes are stored.");
             }
         }
         self.readers.close().await;

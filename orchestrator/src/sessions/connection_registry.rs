@@ -21,7 +21,7 @@ impl CloseReason {
         match self {
             Self::ServerStopping => "the server is stopping",
             Self::CredentialRevoked => {
-                "the token expired or was revoked, or the server requires a token now and this connection has none"
+                "the token of the connection expired or was revoked, or the server now requires a token"
             }
         }
     }

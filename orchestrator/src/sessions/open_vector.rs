@@ -44,11 +44,14 @@ impl SessionManager {
         source: EpisodeSource,
     ) -> Result<VectorSession, VectorError> {
         if request.envs == 0 || request.envs > MAX_ENVS {
-            let reason = format!("it is {}, outside 1 to {MAX_ENVS}", request.envs);
+            let reason = format!("must be from 1 to {MAX_ENVS}, got {}", request.envs);
             return Err(invalid("vector.envs", reason));
         }
         if cfg!(target_endian = "big") {
-            return Err(invalid("vector", "frames are little-endian, but this server is big-endian"));
+            return Err(invalid(
+                "vector",
+                "is not supported: frames are little-endian, but the server is big-endian",
+            ));
         }
         let permit = self.acquire_vector_permit(client, &source)?;
         let SourcedPlan { mut plan, source, pool } = self.plan_vector(&request, source).await?;
@@ -104,7 +107,7 @@ impl SessionManager {
         let config = BatchConfig::new(request.envs, request.autoreset, request.observe);
         match source {
             EpisodeSource::Scenario(_) if request.task.is_some() => {
-                Err(invalid("vector.task", "it is of a lease; say `task` beside `vector`"))
+                Err(invalid("vector.task", "needs `lease_id`; without a lease, send `task` beside `vector`"))
             }
             EpisodeSource::Scenario(scenario) => {
                 let (task, seed) = (scenario.task(), scenario.seed().get());
@@ -112,13 +115,13 @@ impl SessionManager {
                 Ok(SourcedPlan { plan, source: VectorSource::Recipe { seed }, pool: None })
             }
             EpisodeSource::Run { .. } => {
-                Err(invalid("lease_id", "it is missing: take a lease of the run first"))
+                Err(invalid("lease_id", "is required for a vector session of a run; create a lease first"))
             }
             EpisodeSource::Lease { group: Some(_), .. } => {
-                Err(invalid("group_id", "a vector session runs all of a lease; leave it out"))
+                Err(invalid("group_id", "must be left out: a vector session runs all episodes of a lease"))
             }
             EpisodeSource::Lease { episode: Some(_), .. } => {
-                Err(invalid("episode_id", "a vector session runs all of a lease; leave it out"))
+                Err(invalid("episode_id", "must be left out: a vector session runs all episodes of a lease"))
             }
             EpisodeSource::Lease { run, lease, .. } => {
                 self.plan_leased(config, request.task, run, lease).await
@@ -176,17 +179,19 @@ fn select_task(
 ) -> Result<&'static dyn TaskSpec, VectorError> {
     let known = || tasks.iter().map(|task| task.id()).collect::<Vec<_>>().join(", ");
     match (tasks, requested) {
-        ([], _) => Err(invalid("lease_id", "all episodes of this lease are finished or running")),
+        ([], _) => Err(invalid(
+            "lease_id",
+            "all episodes of the lease are finished or running; create another lease",
+        )),
         (tasks, Some(requested)) => {
             let found = tasks.iter().find(|task| task.id() == requested.id());
             found
                 .copied()
-                .ok_or_else(|| invalid("vector.task", format!("the lease has episodes of {}", known())))
+                .ok_or_else(|| invalid("vector.task", format!("must be a task of the lease: {}", known())))
         }
         ([task], None) => Ok(*task),
         (_, None) => {
-            let reason =
-                format!("it is missing: the lease has episodes of {}, and a batch runs one task", known());
+            let reason = format!("is required, because the lease has several tasks: {}", known());
             Err(invalid("vector.task", reason))
         }
     }

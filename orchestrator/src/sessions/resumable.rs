@@ -86,7 +86,7 @@ pub struct ResumableSessions(SessionEntries);
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum ResumeError {
     /// The client has no session with this token.
-    #[error("there is no such session: it was never opened, or it ended")]
+    #[error("the session does not exist: it was never opened, or it ended")]
     Unknown,
     /// A later connection resumed the session.
     #[error("another connection resumed this session")]

@@ -29,10 +29,10 @@ pub enum SessionError {
     #[error(transparent)]
     Refused(#[from] StepError),
     /// The session was not reset yet.
-    #[error("no episode is running: reset first")]
+    #[error("no episode is running; reset first")]
     NotStarted,
     /// The episode has ended.
-    #[error("the episode is over: reset to start another")]
+    #[error("the episode is over; reset to start another")]
     Over,
     /// The scenario cannot start.
     #[error(transparent)]

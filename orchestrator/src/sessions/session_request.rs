@@ -65,7 +65,7 @@ impl SessionRequestError {
     fn in_section(section: &str, error: &ScenarioError) -> Self {
         let field = error.field();
         let field = if field.starts_with(section) { field.to_owned() } else { format!("{section}.{field}") };
-        Self { field, reason: error.to_string() }
+        Self { field, reason: error.reason() }
     }
 }
 
@@ -112,20 +112,23 @@ impl SessionRequest {
     }
 
     fn resolve_run(self) -> Result<EpisodeSource, SessionRequestError> {
-        let reason = "the run's curriculum decides this; leave it out, or leave out run and lease_id";
+        let reason = "must be left out with `run` or `lease_id`: the curriculum determines it";
         self.reject_scenario_fields(reason)?;
         if self.scenario.is_some() {
             return Err(SessionRequestError::new("scenario", reason));
         }
         let Some(run) = self.run else {
-            return Err(SessionRequestError::new("run", "it is missing: name the run of the lease"));
+            return Err(SessionRequestError::new("run", "is required with `lease_id`"));
         };
         let Self { lease, group, group_size, policy_version, episode_id, .. } = self;
         let Some(lease) = lease else {
             return Ok(EpisodeSource::Run { run, group, group_size, policy_version });
         };
         if group_size.is_some() {
-            return Err(SessionRequestError::new("group_size", "the lease has it already; leave it out"));
+            return Err(SessionRequestError::new(
+                "group_size",
+                "must be left out with `lease_id`: the lease determines it",
+            ));
         }
         // A text that is not an episode id is the client's own name for the episode.
         let episode = episode_id.and_then(|id| id.parse::<EpisodeId>().ok());
@@ -134,15 +137,12 @@ impl SessionRequest {
 
     fn resolve_scenario(self, default_task: &'static dyn TaskSpec) -> Result<Scenario, SessionRequestError> {
         if self.group_size.is_some() {
-            return Err(SessionRequestError::new(
-                "group_size",
-                "it belongs to a group of a run; name the run",
-            ));
+            return Err(SessionRequestError::new("group_size", "needs `run`"));
         }
         if let Some(scenario) = &self.scenario {
-            self.reject_scenario_fields("the scenario has it already; leave one of the two out")?;
+            self.reject_scenario_fields("must be left out with `scenario`, which contains it")?;
             Seed::user(scenario.seed().get())
-                .map_err(|error| SessionRequestError::new("scenario.seed", error.to_string()))?;
+                .map_err(|error| SessionRequestError::new("scenario.seed", error.reason()))?;
             return Ok(scenario.clone());
         }
         let params = self.params.iter().map(|(name, value)| (name.as_str(), *value));
@@ -158,12 +158,11 @@ impl SessionRequest {
     fn resolve_seed(&self) -> Result<Seed, SessionRequestError> {
         match (self.seed, &self.group) {
             (Some(_), Some(_)) => {
-                let reason = "the name of a group decides it, so that all sessions of the group get the same scenario; \
-                              leave one of the two out";
+                let reason = "must be left out with `group_id`, which determines the scenario of all sessions of the group";
                 Err(SessionRequestError::new("seed", reason))
             }
             (Some(seed), None) => {
-                Seed::user(seed).map_err(|error| SessionRequestError::new("seed", error.to_string()))
+                Seed::user(seed).map_err(|error| SessionRequestError::new("seed", error.reason()))
             }
             (None, Some(group)) => Ok(seed_of_group(group)),
             (None, None) => Ok(random_seed()),

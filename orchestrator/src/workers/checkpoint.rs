@@ -15,12 +15,12 @@ pub async fn run(mut connection: SqliteConnection, mut stopped: watch::Receiver<
         match store::checkpoint(&mut connection).await {
             Err(error) if !is_failing => {
                 is_failing = true; // logged once, although every checkpoint may fail
-                tracing::warn!(error = %error, "The write-ahead log could not be checkpointed; trying again until it can.");
+                tracing::warn!(error = %error, "The write-ahead log could not be checkpointed; the server retries.");
             }
             Err(_) => {}
             Ok(()) if is_failing => {
                 is_failing = false;
-                tracing::info!("The write-ahead log is checkpointed again.");
+                tracing::info!("The write-ahead log was checkpointed again.");
             }
             Ok(()) => {}
         }

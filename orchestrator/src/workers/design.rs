@@ -108,7 +108,7 @@ impl DesignWorker {
         // A request whose result could not be stored must not block its run for ever.
         for request in running.into_iter().filter(|request| !active.runs.contains(&request.run)) {
             let DesignRequestRef { id, run, task } = request;
-            let error = Some("the design result was lost; see the server's log".to_owned());
+            let error = Some("the result was lost; the server's log has the reason".to_owned());
             let lost = FinishDesignRequest { error, ..FinishDesignRequest::empty(id, run, task) };
             self.writer.change(lost).await?;
         }
@@ -144,7 +144,7 @@ impl DesignWorker {
             Ok(started) => started,
             Err(error @ (ServiceError::Stopping | ServiceError::Busy)) => return Err(error),
             Err(error) => {
-                tracing::error!(run, error = %error, "A design request could not be started; trying again later.");
+                tracing::error!(run, error = %error, "A design request could not be started; the server retries.");
                 active.failed.insert(run.clone(), Instant::now());
                 None
             }

@@ -78,7 +78,7 @@ impl RetentionWorker {
                     let after = self.examined.get(&retained.run).copied().unwrap_or(0);
                     self.examined.insert(retained.run.clone(), after + 1);
                     let run = retained.run;
-                    tracing::error!(run, error = %error, "Old leases could not be compacted; trying again soon.");
+                    tracing::error!(run, error = %error, "Old leases could not be compacted; the server retries.");
                 }
             }
         }

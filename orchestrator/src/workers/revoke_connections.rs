@@ -18,7 +18,7 @@ const POLL_INTERVAL: Duration = Duration::from_secs(1);
 pub async fn run(readers: SqlitePool, clock: Clock, sessions: Arc<SessionManager>) {
     loop {
         if let Err(error) = close_revoked(&readers, &clock, &sessions).await {
-            tracing::warn!(error = %error, "Tokens of open connections could not be checked; trying again soon.");
+            tracing::warn!(error = %error, "Tokens of open connections could not be checked; the server retries.");
         }
         tokio::time::sleep(POLL_INTERVAL).await;
     }
@@ -35,7 +35,7 @@ async fn close_revoked(
         let mut conn = readers.acquire().await?;
         let Credential::Token(token) = credential else {
             if tokens::presence(&mut conn, clock.now()).await?.any {
-                tracing::info!("Tokens exist now: connections without one are closed.");
+                tracing::info!("A token was created; connections without a token are closed.");
                 connections.close_connections(credential);
             }
             continue;
@@ -43,7 +43,7 @@ async fn close_revoked(
         let state = tokens::get(&mut conn, token).await?.map(|row| row.state(clock.now()));
         if state != Some(TokenState::Valid) {
             let state = state.map_or("gone", TokenState::as_str);
-            tracing::info!(token, state, "The connections of a token that is no longer valid are closed.");
+            tracing::info!(token, state, "A token is no longer valid; its connections are closed.");
             connections.close_connections(credential);
         }
     }

@@ -108,10 +108,7 @@ impl RolloutWorker {
             let returned = self.lease_service.writer.change(ReturnAbandonedLeases).await?;
             *has_recovered = true;
             if returned > 0 {
-                tracing::info!(
-                    returned,
-                    "Groups that were interrupted by the end of the last server are offered again."
-                );
+                tracing::info!(returned, "Rollouts that the last shutdown interrupted are offered again.");
             }
         }
         loop {
@@ -159,7 +156,7 @@ impl RolloutWorker {
         }
         let Some(endpoint) = &self.endpoint else {
             drop(conn);
-            let error = "this server has no language model for the policy chat (--policy-url)";
+            let error = "the server has no language model for the policy chat; start it with --policy-url and --policy-model";
             return self.pause(active, row, error.to_owned()).await;
         };
         let health = endpoint.llm.health();

@@ -11,7 +11,7 @@ pub(super) fn ends_worker(error: &ServiceError, failure: &'static str) -> bool {
         ServiceError::Stopping => true,
         ServiceError::Busy => false,
         error => {
-            tracing::error!(error = %error, "{failure}; trying again soon");
+            tracing::error!(error = %error, "{failure}; the server retries");
             false
         }
     }

@@ -136,7 +136,7 @@ impl AccessControl {
             return if is_own {
                 Ok(Caller { identity: ClientIdentity::local() })
             } else {
-                Err(unauthenticated("this service belongs to a command that runs on this machine").into())
+                Err(unauthenticated("this server accepts only the command that started it").into())
             };
         }
         let address = address_key(peer);
@@ -154,7 +154,7 @@ impl AccessControl {
         match permission {
             Permission::OpenEnv(_) if self.openenv_public => Ok(anonymous(address)),
             Permission::Public | Permission::OpenEnv(_) | Permission::Token(_) => Err(unauthenticated(
-                "send a token: Authorization: Bearer sparring_…; `sparring token create` makes one",
+                "the request needs a token: `Authorization: Bearer sparring_…`; create one with `sparring token create`",
             )
             .into()),
         }
@@ -169,7 +169,10 @@ impl AccessControl {
     ) -> Result<Caller, AccessDenied> {
         let Some(token) = self.find_token(authorization, address).await? else {
             self.address_rate.check(address).map_err(Problem::from)?;
-            return Err(unauthenticated("the token is not known, expired or revoked").into());
+            return Err(unauthenticated(
+                "the token is unknown, expired or revoked; `sparring token list` shows the valid ones",
+            )
+            .into());
         };
         let denied = |problem| AccessDenied { problem, token: Some(token.id) };
         let name: Arc<str> = format!("token {}", token.id).into();
@@ -283,6 +286,7 @@ fn forbidden(permission: Permission, role: Role) -> Problem {
     let (Permission::Token(required) | Permission::OpenEnv(required)) = permission else {
         return Problem::internal();
     };
-    let detail = format!("this needs a token of the role {required}; yours is {role}");
+    let detail =
+        format!("the operation needs a token with the role {required}; this token has the role {role}");
     Problem::new(StatusCode::FORBIDDEN, "forbidden", detail)
 }

@@ -17,7 +17,7 @@ pub(super) fn check_loopback(headers: &HeaderMap, uri: &Uri) -> Result<(), Probl
     if is_loopback(host) && origin.is_none_or(is_loopback) {
         return Ok(());
     }
-    let detail = "The server has no tokens and accepts only local requests. Use 127.0.0.1 or localhost and no page of another \
+    let detail = "The server has no tokens and accepts only local requests. Send the request to 127.0.0.1 or localhost, from no other \
         site, or create a token with `sparring token create`.";
     Err(Problem::new(StatusCode::FORBIDDEN, "loopback_only", detail))
 }

@@ -92,12 +92,12 @@ async fn write_audit_line(writer: &Writer, command: WriteAuditLine) {
             Ok(()) => return,
             Err(ServiceError::Busy) => tokio::time::sleep(AUDIT_RETRY_DELAY).await,
             Err(error) => {
-                tracing::error!(error = %error, "A line of the audit log could not be written.");
+                tracing::error!(error = %error, "An entry of the audit log could not be written.");
                 return;
             }
         }
     }
-    tracing::error!("A line of the audit log could not be written: the writer was busy for too long.");
+    tracing::error!("An entry of the audit log could not be written: the writer was busy for too long.");
 }
 
 /// Closes the connection if the request's body was not read: it would be parsed as the next request.

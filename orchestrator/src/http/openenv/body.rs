@@ -58,13 +58,18 @@ pub(super) async fn read_body(request: Request) -> Result<Vec<u8>, ErrorResponse
             if bytes.len() > MAX_OPENENV_BODY_BYTES {
                 return Err(ErrorResponse::new(
                     StatusCode::PAYLOAD_TOO_LARGE,
-                    "The body is larger than 1 MiB; send less.",
+                    "The body must have at most 1 MiB.",
                 ));
             }
         }
         Ok(bytes)
     };
-    let late = |_| ErrorResponse::new(StatusCode::REQUEST_TIMEOUT, "The body was not received within 20 s.");
+    let late = |_| {
+        ErrorResponse::new(
+            StatusCode::REQUEST_TIMEOUT,
+            "The body was not received within 20 s; send it without pauses.",
+        )
+    };
     tokio::time::timeout(BODY_TIMEOUT, read).await.map_err(late)?
 }
 

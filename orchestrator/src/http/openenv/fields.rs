@@ -175,7 +175,7 @@ pub(super) fn read_session_request(fields: &mut FieldReader<'_>) -> SessionReque
         Err(error) => {
             let field = error.field();
             let field = if field == "scenario" { field.to_owned() } else { format!("scenario.{field}") };
-            fields.add_error(&field, "value_error", format!("Value error, {error}"), value);
+            fields.add_error(&field, "value_error", format!("Value error, {}", error.reason()), value);
             None
         }
     });
@@ -209,7 +209,7 @@ fn task(fields: &mut FieldReader<'_>) -> Option<&'static dyn TaskSpec> {
     };
     let task = id.as_deref().and_then(task_by_name);
     if task.is_none() {
-        let message = format!("Value error, there is no such task; known are {}", known_tasks());
+        let message = format!("Value error, must be one of {}", known_tasks());
         fields.add_error("task", "value_error", message, value);
     }
     task

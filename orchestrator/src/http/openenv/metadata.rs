@@ -53,12 +53,8 @@ pub(super) async fn get_environment_schema(
     Query(query): Query<SchemaQuery>,
 ) -> Result<axum::Json<Value>, ErrorResponse> {
     let id = query.task.as_deref().unwrap_or(RESET_ORDER[0]);
-    let unknown = || {
-        ErrorResponse::new(
-            StatusCode::NOT_FOUND,
-            format!("task: there is no such task; known are {}", known_tasks()),
-        )
-    };
+    let unknown =
+        || ErrorResponse::new(StatusCode::NOT_FOUND, format!("task: must be one of {}", known_tasks()));
     let wire = openenv_wire::wire_format(task_by_name(id).ok_or_else(unknown)?);
     Ok(axum::Json(json!({
         "action": wire.action_schema(),

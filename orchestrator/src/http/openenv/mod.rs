@@ -95,7 +95,7 @@ async fn connect_mcp_session(
     }
 }
 
-/// Watch a web session over a WebSocket.
+/// Receive the state of a web session over a WebSocket.
 #[utoipa::path(
     get, path = "/ws/ui", tag = "openenv",
     responses(

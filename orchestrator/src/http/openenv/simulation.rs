@@ -28,8 +28,7 @@ pub(super) fn session_key(headers: &HeaderMap, caller: &Caller) -> Result<Sessio
     let named = headers.get(SESSION_HEADER).map(|value| value.to_str().unwrap_or_default().to_owned());
     let name = named.or_else(|| session_cookie(headers)).unwrap_or_else(|| SHARED_SESSION.to_owned());
     if name.is_empty() || name.len() > MAX_NAME_CHARS {
-        let detail =
-            format!("{SESSION_HEADER}: a session's name is 1 to {MAX_NAME_CHARS} printable characters");
+        let detail = format!("{SESSION_HEADER}: must be 1 to {MAX_NAME_CHARS} printable characters");
         return Err(ErrorResponse::new(StatusCode::BAD_REQUEST, detail));
     }
     Ok(SessionKey::new(&caller.identity, name))
@@ -48,12 +47,12 @@ pub(super) fn session_cookie(headers: &HeaderMap) -> Option<String> {
     pairs.find(|(name, _)| *name == SESSION_COOKIE).map(|(_, value)| value.to_owned())
 }
 
-/// Begin an episode.
+/// Reset the environment to a new episode.
 ///
-/// Without a body it has a random scenario of the first task. The body selects one by `seed`,
+/// Without a body the episode has a random scenario of the first task. The body selects a scenario by `seed`,
 /// `episode_id`, `task`, `params`, `physics` and `scenario`, or by `run`, `lease_id` and `group_id` from a curriculum.
 #[utoipa::path(
-    post, path = "/reset", tag = "openenv", request_body(content = Option<Object>, content_type = "application/json", description = "May be left out."),
+    post, path = "/reset", tag = "openenv", request_body(content = Option<Object>, content_type = "application/json", description = "Optional."),
     responses(
         (status = 200, body = Object), (status = 404, body = Object), (status = 409, body = Object),
         (status = 408, body = Object), (status = 413, body = Object), (status = 422, body = Object),
@@ -103,7 +102,7 @@ pub(super) async fn begin_episode(
 #[utoipa::path(
     post, path = "/step", tag = "openenv", request_body(content = Object, content_type = "application/json"),
     responses(
-        (status = 200, body = Object), (status = 409, body = Object, description = "No episode is running, or it is over."),
+        (status = 200, body = Object), (status = 409, body = Object, description = "No episode is running; reset first."),
         (status = 408, body = Object), (status = 413, body = Object), (status = 422, body = Object),
         (status = 429, body = Object), (status = 503, body = Object)
     )

@@ -63,12 +63,12 @@ async fn serve(mut socket: WebSocket, app: AppState, client: ClientIdentity) {
                 }
             }
             Received::Binary(_) => frame.extend(
-                error_frame("SESSION_ERROR", "binary frames are not read here; send text")
+                error_frame("SESSION_ERROR", "binary frames are not supported; send text")
                     .to_string()
                     .bytes(),
             ),
             Received::Idle => {
-                let words = "the session was silent for too long";
+                let words = "the session ended after its idle timeout";
                 let _ =
                     send_text(&mut socket, error_frame("SESSION_TIMEOUT", words).to_string().into_bytes())
                         .await;

@@ -10,8 +10,10 @@ use crate::http::paging::{PageCursor, next_cursor, number_before, page_limit};
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
 
-/// List changes by API requests, or denied requests (401, 403) with `denied=true`, newest first. Of denied requests the server logs
-/// at most one a second for each address, and ten a second in all. It keeps the newest 100 000 changes and 20 000 denied requests.
+/// List the entries of the audit log, newest first.
+///
+/// Entries are changes by API requests, or denied requests (401, 403) with `denied=true`. The server logs at most one denied
+/// request a second for each address, and ten a second in all. It keeps the newest 100 000 changes and 20 000 denied requests.
 #[utoipa::path(
     get, path = "/audit", tag = "access", params(AuditLogQuery),
     responses((status = 200, body = AuditLogPage), (status = 400, body = Problem), (status = 422, body = Problem))

@@ -83,15 +83,17 @@ fn claim_from_status(status: ClaimStatus) -> ColumnClaim {
     }
 }
 
-/// Claim the results of all episodes of a lease of columns. The response is sent after the commit and lists the audited groups. Their
-/// logs are due as results before the lease expires. The claim is accepted if every replay agrees with it, and refused as a whole
-/// otherwise. A repeated claim returns the same response.
+/// Claim the results of all episodes of a lease of columns.
+///
+/// The server responds after the commit with the audited groups. The trainer must report their logs as results before the lease
+/// expires. The claim is accepted if every replay agrees with it, otherwise it is refused as a whole. A repeated claim returns the
+/// same response.
 #[utoipa::path(
     post, path = "/runs/{run}/leases/{lease}/columns", tag = "results", request_body = ColumnsRequest,
     params(("run" = String, Path, description = "The run's id."), ("lease" = String, Path, description = "The lease's id.")),
     responses(
         (status = 200, body = ColumnClaim), (status = 400, body = Problem), (status = 404, body = Problem),
-        (status = 409, body = Problem, description = "The lease has ended, or it has other columns already."),
+        (status = 409, body = Problem, description = "The lease has ended, or already has different columns."),
         (status = 408, body = Problem), (status = 413, body = Problem), (status = 415, body = Problem), (status = 422, body = Problem),
         (status = 429, body = Problem), (status = 503, body = Problem)
     )
@@ -113,19 +115,19 @@ pub(super) async fn claim_columns(
 fn read_columns(EncodedBody { format, bytes }: EncodedBody) -> Result<(Option<u32>, Columns), Problem> {
     let ColumnsBody { policy_version, score, failed, steps } = parse_columns(format, &bytes)?;
     if let Some(at) = failed.0.iter().position(|failed| *failed > 1) {
-        return Err(Problem::invalid(format!("failed.{at}"), "it is neither 0 nor 1"));
+        return Err(Problem::invalid(format!("failed.{at}"), "must be 0 or 1"));
     }
     let failed = failed.0.into_iter().map(|failed| failed == 1).collect();
     Ok((policy_version, Columns { scores: score.0, failed, steps: steps.0 }))
 }
 
-/// Get the columns of a lease as they were claimed, whether accepted or not.
+/// Get the claimed columns of a lease, whether accepted or not.
 #[utoipa::path(
     get, path = "/runs/{run}/leases/{lease}/columns/entries", tag = "results",
     params(("run" = String, Path, description = "The run's id."), ("lease" = String, Path, description = "The lease's id.")),
     responses(
         (status = 200, body = ClaimedColumns), (status = 400, body = Problem), (status = 404, body = Problem),
-        (status = 410, body = Problem, description = "The run no longer keeps them.")
+        (status = 410, body = Problem, description = "The columns were deleted when the lease was compacted.")
     )
 )]
 pub(super) async fn get_claimed_columns(
@@ -149,7 +151,7 @@ fn check_kept(lease: &LeaseRow) -> Result<(), Problem> {
 }
 
 fn no_columns() -> Problem {
-    Problem::new(axum::http::StatusCode::NOT_FOUND, "no_columns", "This lease has no columns.")
+    Problem::new(axum::http::StatusCode::NOT_FOUND, "no_columns", "the lease has no columns")
 }
 
 /// Get the claim of a lease and its state.
@@ -158,7 +160,7 @@ fn no_columns() -> Problem {
     params(("run" = String, Path, description = "The run's id."), ("lease" = String, Path, description = "The lease's id.")),
     responses(
         (status = 200, body = ColumnClaim), (status = 400, body = Problem), (status = 404, body = Problem),
-        (status = 410, body = Problem, description = "The run no longer keeps them.")
+        (status = 410, body = Problem, description = "The columns were deleted when the lease was compacted.")
     )
 )]
 pub(super) async fn get_column_claim(

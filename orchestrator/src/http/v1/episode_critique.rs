@@ -79,15 +79,16 @@ fn encounter_response(scenario: &Scenario, encounter: Encounter) -> CritiqueEnco
     }
 }
 
-/// Get the critique of an episode: why it lost score and what its actions were worth. The server computes it from the stored actions
-/// on each request; it does not affect the curriculum.
+/// Get the critique of an episode: its failures and a verdict on each action.
+///
+/// The server computes it from the stored actions on each request; it does not affect the curriculum.
 #[utoipa::path(
     get, path = "/runs/{run}/episodes/{episode}/critique", tag = "failures",
     params(("run" = String, Path, description = "The run's id."), ("episode" = String, Path, description = "The episode's id.")),
     responses(
         (status = 200, body = EpisodeCritique), (status = 400, body = Problem),
-        (status = 404, body = Problem, description = "There is no such episode, or it has no actions."),
-        (status = 410, body = Problem, description = "The run no longer keeps its actions.")
+        (status = 404, body = Problem, description = "The episode does not exist, or it has no actions."),
+        (status = 410, body = Problem, description = "The actions of the episode were deleted.")
     )
 )]
 pub(super) async fn get_episode_critique(

@@ -121,6 +121,6 @@ fn episode_after(cursor: Option<&str>) -> Result<EpisodeKey, Problem> {
         return Ok(EpisodeKey { lease: 0, number: -1 });
     };
     let number =
-        text.parse().map_err(|_| Problem::invalid("cursor", "it is not a cursor that a list returned"))?;
+        text.parse().map_err(|_| Problem::invalid("cursor", "must be the `next` of a previous page"))?;
     Ok(EpisodeKey { lease, number })
 }

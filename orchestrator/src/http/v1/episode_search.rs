@@ -10,14 +10,16 @@ use store::ids::{LayoutId, RunId};
 
 use super::episode_list::listed_summary;
 use crate::http::extract::{Path, Query};
+use crate::http::filters::check_failure_mode;
 use crate::http::paging::{PageCursor, next_cursor, page_limit};
 use crate::http::path_ids::{parse_id, parse_run_id};
 use crate::http::problem::Problem;
 use crate::http::run_reader::{acquire_run_reader, find_run_tasks};
 use crate::http::state::AppState;
 
-/// Search for reported episodes that are kept complete. `GET …/episodes` lists all episodes, oldest first. An order by score or skill
-/// leaves out episodes without one.
+/// Search for reported episodes that the run keeps complete.
+///
+/// `GET …/episodes` lists all episodes, oldest first. An order by score or skill leaves out episodes without one.
 #[utoipa::path(
     get, path = "/runs/{run}/episodes/search", tag = "episodes",     params(("run" = String, Path, description = "The run's id."), EpisodeSearchQuery),
     responses(
@@ -71,23 +73,12 @@ async fn check_filter(
     filter: &EpisodeFilter,
 ) -> Result<(), Problem> {
     let tasks = match &filter.task {
-        Some(id) => vec![
-            env_core::task(id).ok_or_else(|| Problem::invalid("task", format!("there is no task {id}")))?,
-        ],
+        Some(id) => vec![env_core::task(id).ok_or_else(|| {
+            Problem::invalid("task", format!("task {id} does not exist; `GET /v1/tasks` lists all tasks"))
+        })?],
         None => find_run_tasks(conn, run, None).await?,
     };
-    let Some(mode) = &filter.mode else { return Ok(()) };
-    let mut modes: Vec<_> =
-        tasks.iter().flat_map(|task| task.failure_modes()).map(|spec| spec.name).collect();
-    if modes.iter().any(|known| known == mode) {
-        return Ok(());
-    }
-    modes.sort_unstable();
-    modes.dedup();
-    Err(Problem::invalid(
-        "mode",
-        format!("there is no such failure mode; choose one of {}", modes.join(", ")),
-    ))
+    check_failure_mode("mode", filter.mode.as_ref(), &tasks)
 }
 
 /// Episode after which a page starts. The cursor is `lease.number_score_order` with the bits of the score or skill.
@@ -102,10 +93,11 @@ fn episode_after(cursor: Option<&str>, order: EpisodeSortOrder) -> Result<Option
     };
     match parse() {
         Some((cursor, word)) if order_word(order) == word => Ok(Some(cursor)),
-        Some((_, word)) => {
-            Err(Problem::invalid("cursor", format!("it belongs to a page in the order {word}")))
-        }
-        None => Err(Problem::invalid("cursor", "it is not a cursor that a search returned")),
+        Some((_, word)) => Err(Problem::invalid(
+            "cursor",
+            format!("is of a page with `order={word}`; send it with that order"),
+        )),
+        None => Err(Problem::invalid("cursor", "must be the `next` of a previous page")),
     }
 }
 

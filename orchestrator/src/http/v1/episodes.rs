@@ -107,8 +107,8 @@ async fn compacted_episode(
     params(("run" = String, Path, description = "The run's id."), ("episode" = String, Path, description = "The episode's id."), ReplayQuery),
     responses(
         (status = 200, body = EpisodeReplay), (status = 400, body = Problem),
-        (status = 404, body = Problem, description = "There is no such episode, or it has no actions."),
-        (status = 410, body = Problem, description = "The run no longer keeps its actions."),
+        (status = 404, body = Problem, description = "The episode does not exist, or it has no actions."),
+        (status = 410, body = Problem, description = "The actions of the episode were deleted."),
         (status = 422, body = Problem, description = "The frames exceed 16 MiB.")
     )
 )]

@@ -35,18 +35,20 @@ const KEEP_ALIVE: Duration = Duration::from_secs(15);
 /// Largest number of past events that a stream starts with.
 const MAX_PAST_EVENTS: u32 = 1000;
 
-/// Stream the events of a run (Server-Sent Events): `run` (created, changed, paused, resumed, archived), `lease` (created, renewed,
-/// done, released, expired), `group` (closed), `move` (level move with its evidence), `claim` (of columns), `failures` (new critiques),
-/// `design` (end of a design request) and `warning` (for operators). Every event has an id. A client that reconnects with it as
-/// `Last-Event-ID` misses nothing if at most 10 000 other events happened since; otherwise the first event is `gap`. Without an id the
-/// stream starts with an id without data, from which the client can resume.
+/// Stream the events of a run as Server-Sent Events.
+///
+/// Kinds of events: `run` (created, changed, paused, resumed, archived), `lease` (created, renewed, done, released, expired), `group`
+/// (closed), `move` (level move with its evidence), `claim` (of columns), `failures` (new critiques), `design` (end of a design
+/// request) and `warning` (for operators). Every event has an id. A client that reconnects sends the last id as `Last-Event-ID`. It
+/// misses no event if at most 10 000 other events happened since; otherwise the first event is `gap`. A stream without an id starts
+/// with an id without data, from which the client can resume.
 #[utoipa::path(
     get, path = "/runs/{run}/events", tag = "runs",
     params(("run" = String, Path, description = "The run's id."), EventQuery,
            ("Last-Event-ID" = Option<i64>, Header, description = "Id of the last received event.")),
     responses(
         (status = 200, content_type = "text/event-stream", body = String), (status = 400, body = Problem),
-        (status = 404, body = Problem), (status = 429, body = Problem, description = "Too many streams are open.")
+        (status = 404, body = Problem), (status = 429, body = Problem, description = "Too many event streams are open.")
     )
 )]
 pub(super) async fn stream_events(
@@ -63,7 +65,7 @@ pub(super) async fn stream_events(
         match headers.get("last-event-id").map(|id| id.to_str().ok().and_then(|id| id.trim().parse().ok())) {
             Some(Some(id)) => Some(id),
             Some(None) => {
-                let message = "It is not the id of an event; ids are whole numbers.";
+                let message = "must be the id of an event, an integer";
                 return Err(Problem::new(StatusCode::BAD_REQUEST, "bad_header", message).at("Last-Event-ID"));
             }
             None => query.after,
@@ -72,14 +74,14 @@ pub(super) async fn stream_events(
         (Some(id), _) => id.max(0),
         (None, Some(n @ ..=MAX_PAST_EVENTS)) => events::before_last(&mut conn, run.as_str(), n).await?,
         (None, Some(n)) => {
-            return Err(Problem::invalid("last", format!("is {n}, but must be from 0 to {MAX_PAST_EVENTS}")));
+            return Err(Problem::invalid("last", format!("must be from 0 to {MAX_PAST_EVENTS}, got {n}")));
         }
         (None, None) => events::newest(&mut conn, run.as_str()).await?,
     };
     drop(conn);
     let permit = app.listeners.acquire(caller.identity.name.as_ref());
     let permit = permit.map_err(|_| {
-        let message = "Too many event streams are open; try again in a few seconds.";
+        let message = "too many event streams are open; close one, or retry in a few seconds";
         Problem::new(StatusCode::TOO_MANY_REQUESTS, "too_many_listeners", message).with_retry_after(5)
     })?;
     let stream = EventStream {
@@ -158,7 +160,7 @@ impl EventStream {
             if self.after > newest {
                 self.push_gap(
                     newest,
-                    "no event has this id: the database is another one, or an older backup",
+                    "no event has this id; the database was replaced or restored from a backup",
                 );
             }
         }

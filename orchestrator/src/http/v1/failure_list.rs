@@ -8,13 +8,16 @@ use store::failures::{self, FailureCursor, FailureFilter, ListedFailure};
 use store::ids::{EpisodeId, LeaseId};
 
 use crate::http::extract::{Path, Query};
+use crate::http::filters::check_failure_mode;
 use crate::http::paging::{PageCursor, next_cursor, page_limit};
 use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::run_reader::find_run_tasks;
 use crate::http::state::AppState;
 
-/// List the failures behind a profile, newest first: those of a task, or of one of its modes, sectors, bands or cells.
+/// List the failures of a failure profile, newest first.
+///
+/// The query selects a task, and optionally one of its failure modes, bearing sectors and speed bands.
 #[utoipa::path(
     get, path = "/runs/{run}/failures", tag = "failures",
     params(("run" = String, Path, description = "The run's id."), FailureQuery),
@@ -45,18 +48,10 @@ pub(super) async fn list_failures(
 }
 
 /// Checks that the task has the mode, sector and band of a filter.
-fn check_filter(task: &dyn TaskSpec, filter: &FailureFilter) -> Result<(), Problem> {
-    if let Some(mode) = &filter.mode
-        && !task.failure_modes().iter().any(|spec| spec.name == mode)
-    {
-        let known: Vec<_> = task.failure_modes().iter().map(|spec| spec.name).collect();
-        return Err(Problem::invalid(
-            "mode",
-            format!("the task has no such failure mode; choose one of {}", known.join(", ")),
-        ));
-    }
+fn check_filter(task: &'static dyn TaskSpec, filter: &FailureFilter) -> Result<(), Problem> {
+    check_failure_mode("mode", filter.mode.as_ref(), &[task])?;
     let within = |field: &str, number: Option<u32>, last: u32| match number.filter(|number| *number > last) {
-        Some(number) => Err(Problem::invalid(field, format!("it is {number}, outside 0 to {last}"))),
+        Some(number) => Err(Problem::invalid(field, format!("must be from 0 to {last}, got {number}"))),
         None => Ok(()),
     };
     within("sector", filter.sector, BEARING_SECTORS - 1)?;
@@ -71,7 +66,7 @@ fn failure_before(cursor: Option<&str>) -> Result<Option<FailureCursor>, Problem
     let key =
         text.split_once('-').and_then(|(cell, ordinal)| Some((cell.parse().ok()?, ordinal.parse().ok()?)));
     let (cell, ordinal) =
-        key.ok_or_else(|| Problem::invalid("cursor", "it is not a cursor that a list returned"))?;
+        key.ok_or_else(|| Problem::invalid("cursor", "must be the `next` of a previous page"))?;
     Ok(Some(FailureCursor { episode_ordinal, cell, ordinal }))
 }
 

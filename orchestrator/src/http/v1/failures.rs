@@ -43,9 +43,10 @@ pub(super) async fn critique_backlog(
     Ok(backlog(waiting.values().sum()))
 }
 
-/// Get the failure profiles of a run's tasks: failure modes by bearing and relative speed, values of actions, and their trends. They
-/// count the finished episodes of training and probes, some time after the acknowledgement of results. Late results and evaluations do
-/// not count.
+/// Get the failure profiles of a run's tasks.
+///
+/// A profile has failure modes by bearing and relative speed, verdicts on actions, and their trends. It counts finished episodes of
+/// training and probes, soon after the server acknowledged their results. It does not count late results and evaluations.
 #[utoipa::path(
     get, path = "/runs/{run}/failure_profiles", tag = "failures",
     params(("run" = String, Path, description = "The run's id."), FailureProfileQuery),
@@ -65,7 +66,7 @@ pub(super) async fn get_failure_profiles(
         examples => {
             return Err(Problem::invalid(
                 "examples",
-                format!("it is {examples}, outside 0 to {EXAMPLES_PER_CELL}"),
+                format!("must be from 0 to {EXAMPLES_PER_CELL}, got {examples}"),
             ));
         }
     };

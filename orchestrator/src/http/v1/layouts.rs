@@ -37,7 +37,7 @@ pub(super) async fn list_layouts(
         None => env_core::tasks().collect(),
         Some(id) => vec![env_core::task(id).ok_or_else(|| {
             let id: String = id.chars().take(60).collect();
-            Problem::invalid("task", format!("there is no task {id:?}; GET /v1/tasks lists them"))
+            Problem::invalid("task", format!("task {id:?} does not exist; `GET /v1/tasks` lists all tasks"))
         })?],
     };
     check_failure_mode("aim", aim.as_ref(), &tasks)?;

@@ -27,7 +27,7 @@ use crate::queries::run_progress::{RunProgress, RunProgressQuery};
 /// Largest number of parts of a task's evidence.
 const EVIDENCE_POINTS: usize = 100;
 
-/// Get the current mastery of all tasks.
+/// Get the current mastery of all tasks of a run.
 #[utoipa::path(
     get, path = "/runs/{run}/mastery", tag = "mastery", params(("run" = String, Path, description = "The run's id.")),
     responses(
@@ -162,7 +162,7 @@ pub(super) async fn list_level_moves(
     Ok(axum::Json(LevelMovePage { moves, points: points.into_iter().map(evidence_point).collect(), next }))
 }
 
-/// Get the params in force, by task.
+/// Get the current params of a run, by task.
 #[utoipa::path(
     get, path = "/runs/{run}/params", tag = "mastery", params(("run" = String, Path, description = "The run's id.")),
     responses(

@@ -28,8 +28,10 @@ pub(super) async fn get_policy(
     Ok(axum::Json(policy_state(&app, &parse_run_id(&run)?).await?))
 }
 
-/// Set the policy of a run. The server's workers run it and push the groups to the run's feed. `chat` uses the language model of the
-/// server's configuration; no request can name another.
+/// Set the policy of a run.
+///
+/// The server's workers roll out the policy and push finished groups to the trajectory feed of the run. `chat` uses the language
+/// model of the server's configuration; a request cannot name another one.
 #[utoipa::path(
     put, path = "/runs/{run}/policy", tag = "trajectories", request_body = PolicyRequest,
     params(("run" = String, Path, description = "The run's id.")),

@@ -50,8 +50,9 @@ fn policy_version(
     }
 }
 
-/// List the versions of a run's policy, newest first: described versions and versions with results. Of versions without a description
-/// only the newest are kept.
+/// List the policy versions of a run, newest first.
+///
+/// The list has versions with a description and versions with results. Only the newest versions without a description are kept.
 #[utoipa::path(
     get, path = "/runs/{run}/policy_versions", tag = "runs",
     params(("run" = String, Path, description = "The run's id."), PageQuery),
@@ -82,8 +83,9 @@ pub(super) async fn list_policy_versions(
     Ok(axum::Json(PolicyVersionPage { versions: numbers.iter().map(of).collect(), next }))
 }
 
-/// Describe a version of a run's policy: the location of its weights, and notes. A new description replaces the old one. A version
-/// above the newest becomes the newest.
+/// Describe a policy version of a run: the location of its weights, and notes.
+///
+/// A new description replaces the old one. A version above the newest becomes the newest.
 #[utoipa::path(
     put, path = "/runs/{run}/policy_versions/{version}", tag = "runs", request_body = PolicyVersionDescription,
     params(
@@ -102,9 +104,9 @@ pub(super) async fn describe_policy_version(
     Json(request): Json<PolicyVersionDescription>,
 ) -> Result<axum::Json<PolicyVersion>, Problem> {
     let run = parse_run_id(&run)?;
-    let number: u32 = number.parse().map_err(|_| {
-        Problem::invalid("version", format!("it must be a whole number from 0 to {}", u32::MAX))
-    })?;
+    let number: u32 = number
+        .parse()
+        .map_err(|_| Problem::invalid("version", format!("must be an integer from 0 to {}", u32::MAX)))?;
     app.writer.change(DescribePolicyVersion::from_request(run.clone(), number, request)?).await?;
     let mut conn = acquire_run_reader(&app, &run).await?;
     let (name, number) = (run.as_str(), i64::from(number));

@@ -27,8 +27,10 @@ const MAX_RESULTS: usize = 5000;
 /// Longest reason of a failure, in characters.
 const MAX_REASON_CHARS: usize = 1000;
 
-/// Report results of episodes. A repeated result returns the same receipt and counts once. Each result has its own receipt; a
-/// refused one does not affect the others. The response is sent after the commit.
+/// Report results of episodes.
+///
+/// Each result has its own receipt; a refused result does not affect the others. A repeated result returns the same receipt and
+/// counts once. The server responds after the commit.
 #[utoipa::path(
     post, path = "/runs/{run}/results", tag = "results", request_body = ResultsRequest,
     params(("run" = String, Path, description = "The run's id.")),
@@ -58,8 +60,7 @@ pub(super) async fn report_results(
 fn read_report(body: EncodedBody) -> Result<(Option<u32>, Vec<ReportedEpisode>), Problem> {
     let Json(body) = Json::<ResultsRequest>::parse(body)?;
     if body.results.len() > MAX_RESULTS {
-        let detail =
-            format!("{} results; at most {MAX_RESULTS} are accepted in one request", body.results.len());
+        let detail = format!("must have at most {MAX_RESULTS} entries, got {}", body.results.len());
         return Err(Problem::invalid("results", detail));
     }
     let results = body.results.into_iter().enumerate();
@@ -94,11 +95,11 @@ fn reported_episode(result: EpisodeResult) -> Result<ReportedEpisode, Problem> {
             precision: precision(actions.precision),
             stopped: actions.stopped.map(stop_reason),
         },
-        (EpisodeResultStatus::Finished, None) => refused("a finished episode must have them"),
+        (EpisodeResultStatus::Finished, None) => refused("must be set for a finished episode"),
         (EpisodeResultStatus::Failed, None) => ReportedOutcome::Failed {
             reason: result.reason.unwrap_or_default().chars().take(MAX_REASON_CHARS).collect(),
         },
-        (EpisodeResultStatus::Failed, Some(_)) => refused("a failed episode must not have them"),
+        (EpisodeResultStatus::Failed, Some(_)) => refused("must be left out for a failed episode"),
     };
     let metrics = result.metrics.map(|metrics| to_json(&metrics)).transpose()?;
     Ok(ReportedEpisode { episode: result.episode, outcome, policy_version: result.policy_version, metrics })

@@ -10,8 +10,9 @@ use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::runs::set_retention::SetRetention;
 
-/// Set how many episodes a run keeps complete. Fields that are left out keep their values. A smaller number takes effect within
-/// seconds, and deleted data cannot be restored.
+/// Set how many episodes a run keeps complete.
+///
+/// Fields that are left out keep their values. A smaller number takes effect within seconds; deleted data cannot be restored.
 #[utoipa::path(
     put, path = "/runs/{run}/retention", tag = "runs", request_body = RetentionRequest,
     params(("run" = String, Path, description = "The run's id.")),

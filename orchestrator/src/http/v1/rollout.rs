@@ -14,8 +14,9 @@ use crate::http::extract::{Json, NoQuery, parse_value};
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
 
-/// Roll out a scenario to the end of its steps, to the step `until`, or to the end of the episode. Nothing is stored and no bracket is
-/// computed; `POST /v1/scenarios` evaluates the result.
+/// Roll out a scenario to the end of its steps, to the step `until`, or to the end of the episode.
+///
+/// The server stores nothing and computes no bracket; `POST /v1/scenarios` evaluates the result.
 #[utoipa::path(
     post, path = "/rollouts", tag = "scenarios", request_body = RolloutRequest,
     responses(
@@ -42,7 +43,7 @@ fn roll_out(scenario: &Scenario, steps: &[Value], from: u32, until: u32) -> Resu
     if from > last {
         return Err(Problem::invalid(
             "from",
-            format!("it is step {from}, but the rollout ends at step {last} at the latest"),
+            format!("must be at most {last}, the last step of the rollout, got {from}"),
         ));
     }
     let range = FrameRange { first: from, last, max_bytes: MAX_FRAME_BYTES };

@@ -10,9 +10,10 @@ use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::runs::change_run::ChangeRun;
 
-/// Update the settings of a run. Fields that are left out keep their values. A task keeps its level and mastery unless its level
-/// table or physics change. Under another strategy it keeps its mastery, and the strategy starts anew. Results of existing leases
-/// are still accepted.
+/// Update the settings of a run.
+///
+/// Fields that are left out keep their values. A task keeps its level and mastery unless its level table or physics change. A change
+/// of the strategy keeps the mastery of tasks and resets the state of the strategy. Results of existing leases are still accepted.
 #[utoipa::path(
     patch, path = "/runs/{run}", tag = "runs", request_body = RunUpdate,
     params(("run" = String, Path, description = "The run's id.")),

@@ -50,7 +50,9 @@ fn run_warning(row: RunWarningRow) -> RunWarning {
     RunWarning { kind: row.kind.convert(), lease, message: row.message, at: rfc3339(row.at) }
 }
 
-/// Create a run. All fields are optional: `{}` creates a ladder over the tasks of the first world.
+/// Create a run.
+///
+/// All fields are optional: `{}` creates a ladder over the tasks of the first world.
 #[utoipa::path(
     post, path = "/runs", tag = "runs", request_body = RunRequest,
     responses(
@@ -67,7 +69,7 @@ pub(super) async fn create_run(
     Json(request): Json<RunRequest>,
 ) -> Result<(StatusCode, axum::Json<RunSummary>), Problem> {
     if request.judge == Some(Judge::Llm) && !app.judges.has_model() {
-        let reason = "this server has no language model for judging; start it with --judge-url or --llm-url";
+        let reason = "must be off or deterministic, because the server has no language model for judging; start it with --judge-url or --llm-url for llm";
         return Err(ServiceError::Invalid { field: "judge".to_owned(), reason: reason.to_owned() }.into());
     }
     let row = app
@@ -119,7 +121,9 @@ pub(super) async fn get_run(
     Ok(axum::Json(Run { summary: run_from_row(row)?, critique_backlog, warnings }))
 }
 
-/// Pause a run. It grants no more leases; results of existing leases are still accepted.
+/// Pause a run.
+///
+/// The server grants no more leases of the run and still accepts results of existing leases.
 #[utoipa::path(
     post, path = "/runs/{run}/pause", tag = "runs", params(("run" = String, Path, description = "The run's id.")),
     responses(
@@ -136,7 +140,9 @@ pub(super) async fn pause_run(
     set_status(&app, &run, RunAction::Pause).await
 }
 
-/// Archive a run. It is paused, and lists leave it out unless `archived=true`. A resume restores it.
+/// Archive a run.
+///
+/// The run is paused, and lists leave it out without `archived=true`. Resume the run to restore it.
 #[utoipa::path(
     post, path = "/runs/{run}/archive", tag = "runs", params(("run" = String, Path, description = "The run's id.")),
     responses(
@@ -170,8 +176,10 @@ pub(super) async fn resume_run(
     set_status(&app, &run, RunAction::Resume).await
 }
 
-/// Set the newest policy version. Leases and results raise it automatically. A version that was reported by mistake makes all later
-/// results stale (`max_staleness`) until it is set back here.
+/// Set the newest policy version of a run.
+///
+/// Leases and results raise it automatically. If a trainer reports a version by mistake, later results are stale (`max_staleness`)
+/// until this request corrects the version.
 #[utoipa::path(
     put, path = "/runs/{run}/policy_version", tag = "runs", request_body = PolicyVersionRequest,
     params(("run" = String, Path, description = "The run's id.")),

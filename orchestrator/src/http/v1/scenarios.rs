@@ -17,7 +17,9 @@ use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::leases::bracket_view::scenario_bracket;
 
-/// Check a scenario: validate it, compute its bracket, and replay and criticise actions on it. Nothing is stored.
+/// Check a scenario: validate it, compute its bracket, and replay and criticise actions on it.
+///
+/// The server stores nothing.
 #[utoipa::path(
     post, path = "/scenarios", tag = "scenarios", request_body = ScenarioRequest,
     responses(
@@ -51,11 +53,14 @@ pub(super) fn user_scenario(scenario: &Value) -> Result<Scenario, Problem> {
             "scenario" => "scenario".to_owned(),
             field => format!("scenario.{field}"),
         };
-        Problem::invalid(field, error.to_string())
+        Problem::invalid(field, error.reason())
     })?;
     if scenario.seed().space() != SeedSpace::User {
         let error = Seed::user(scenario.seed().get()).err();
-        return Err(Problem::invalid("scenario.seed", error.map_or_else(String::new, |e| e.to_string())));
+        return Err(Problem::invalid(
+            "scenario.seed",
+            error.map_or_else(String::new, |error| error.reason()),
+        ));
     }
     Ok(scenario)
 }
@@ -65,18 +70,16 @@ pub(super) fn replay_problem(parent: &str, error: ReplayError) -> Problem {
     match error {
         ReplayError::Scenario(error) => Problem::invalid("scenario", error.to_string()),
         ReplayError::Log(error) if parent.is_empty() => {
-            Problem::invalid(error.field().to_owned(), error.to_string())
+            Problem::invalid(error.field().to_owned(), error.reason())
         }
-        ReplayError::Log(error) => {
-            Problem::invalid(format!("{parent}.{}", error.field()), error.with_parent(parent).to_string())
-        }
+        ReplayError::Log(error) => Problem::invalid(format!("{parent}.{}", error.field()), error.reason()),
     }
 }
 
 /// Parses a request. A scenario without its wrapper gets an error that shows the wrapper.
 fn read_request(body: Value) -> Result<ScenarioRequest, Problem> {
     if body.get("scenario").is_none() && body.get("task").is_some() {
-        let detail = "it is missing: wrap the scenario in it, as {\"scenario\": {\"task\": …, \"seed\": 7}}";
+        let detail = "is required; send {\"scenario\": {\"task\": …, \"seed\": 7}}";
         return Err(Problem::invalid("scenario", detail));
     }
     parse_value(body)

@@ -91,8 +91,9 @@ fn parse_time(field: &'static str, text: Option<&String>, default: Millis) -> Re
     Ok(time.as_millisecond())
 }
 
-/// Get the time series of a run: success, skill, mastery, levels and params of each task. A point is a bucket of time with results: at
-/// least a minute wide in the last week, an hour before.
+/// Get the time series of a run: success, skill, mastery, levels and params of each task.
+///
+/// A point covers an interval with results, of at least one minute in the last week and one hour before.
 #[utoipa::path(
     get, path = "/runs/{run}/series", tag = "mastery",
     params(("run" = String, Path, description = "The run's id."), SeriesQuery),

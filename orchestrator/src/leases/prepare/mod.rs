@@ -82,13 +82,13 @@ pub enum PrepareError {
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
     /// The scenario that the proposal derives from is not stored any more.
-    #[error("the scenario of proposal {0}, which it derives from, is not kept any more")]
+    #[error("the scenario of proposal {0}, from which it derives, was deleted")]
     Gone(u64),
     /// The worker that asked for the scenario has stopped.
-    #[error("the scenario is not wanted any more")]
+    #[error("the request for the scenario was cancelled")]
     Abandoned,
     /// None of the edits is fair and solvable.
-    #[error("none of {tried} edits of the scenario of proposal {parent} is fair and can be solved")]
+    #[error("none of {tried} edits of the scenario of proposal {parent} is fair and solvable")]
     NoEdit {
         /// Number of edits that were tried.
         tried: u64,
@@ -177,5 +177,5 @@ fn draw(
 }
 
 fn no_fair_start() -> ScenarioError {
-    ScenarioError::Unfair { field: "params".to_owned(), reason: "no fair start was drawn".to_owned() }
+    ScenarioError::Unfair { field: "params".to_owned(), reason: "no draw of the start was fair".to_owned() }
 }

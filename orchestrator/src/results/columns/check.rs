@@ -22,10 +22,10 @@ pub(crate) fn check_episode(claimed: Option<f64>, group: &GroupRow, row: &Episod
         (Some(claimed), Some(score)) => (claimed, score),
         (None, None) => return AuditCheck::Failed,
         (Some(_), None) => {
-            return AuditCheck::Differs("it is reported as failed, and was claimed as finished".to_owned());
+            return AuditCheck::Differs("the report is failed, but the claim is finished".to_owned());
         }
         (None, Some(_)) => {
-            return AuditCheck::Differs("it is reported as flown, and was claimed as failed".to_owned());
+            return AuditCheck::Differs("the report is finished, but the claim is failed".to_owned());
         }
     };
     let range = env_core::task(&group.task).map_or(1.0, |task| {
@@ -35,6 +35,6 @@ pub(crate) fn check_episode(claimed: Option<f64>, group: &GroupRow, row: &Episod
     if (score - claimed).abs() <= MAX_SCORE_GAP * range {
         AuditCheck::Agrees
     } else {
-        AuditCheck::Differs(format!("its log replays to {score:.6}, and {claimed:.6} was claimed"))
+        AuditCheck::Differs(format!("the log replays to the score {score:.6}, but the claim is {claimed:.6}"))
     }
 }

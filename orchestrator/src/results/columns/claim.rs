@@ -1,6 +1,7 @@
 //! Stores a claim: the results of all episodes of a lease as columns.
 
 use api_types::EvidenceFrom;
+use env_core::format_shortest;
 use store::columns::{self, ClaimState, ColumnClaimRow, RangeTotals, SeedRangeRow};
 use store::compacted_leases::{self, CompactedClaim};
 use store::groups::{self, GroupRow};
@@ -44,7 +45,8 @@ pub async fn claim(
     let settings: RunSettings = from_json("a run's settings", &stored.settings)?;
     let row = find_lease(&mut conn, &run, &lease).await?;
     if !row.is_columns() {
-        let why = "its episodes are reported one by one; take a lease with form: columns to send columns";
+        let why =
+            "is a lease of groups; report its episodes as results, or create a lease with `form: columns`";
         return Err(ServiceError::invalid("lease", why));
     }
     columns.check(usize::try_from(row.episodes()).unwrap_or_default())?;
@@ -85,8 +87,8 @@ fn check_scores(
         let score = f64::from(columns.scores[at]);
         let is_possible = (scores.min - tolerance..=scores.max + tolerance).contains(&score);
         if !is_possible && !columns.has_failed(at) {
-            let why =
-                format!("it is {score}, but scores of {} are {} to {}", range.task, scores.min, scores.max);
+            let (min, max, score) = (scores.min, scores.max, format_shortest(score));
+            let why = format!("must be from {min} to {max}, the scores of {}, got {score}", range.task);
             return Err(ServiceError::invalid(format!("score.{at}"), why));
         }
     }

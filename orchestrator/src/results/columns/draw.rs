@@ -115,7 +115,7 @@ pub(crate) fn draw_audit(
 ) -> Result<Vec<DrawnGroup>, ServiceError> {
     let mut seed = [0; 32];
     rand::rngs::SysRng.try_fill_bytes(&mut seed).map_err(|error| ServiceError::NotCommitted {
-        reason: format!("no randomness to draw audits with: {error}"),
+        reason: format!("the operating system provides no randomness for the audit: {error}"),
         outage: None,
     })?;
     let mut rng = ChaCha12Rng::from_seed(seed);
@@ -139,7 +139,7 @@ pub(crate) fn draw_audit(
         pool.draw(&mut rng, range, missing, &mut drawn)?;
     }
     if drawn.is_empty() {
-        let why = "scores are claimed of scenarios that have no fair start; report them as failed";
+        let why = "all claimed scores are of scenarios without a fair start; claim these episodes as failed";
         return Err(ServiceError::invalid("score", why));
     }
     Ok(drawn.into_values().collect())

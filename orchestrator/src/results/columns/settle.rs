@@ -121,7 +121,7 @@ pub(crate) async fn refuse(tx: &mut WriteTx, lease: &LeaseRow, reason: &str) -> 
     count_lost(tx, lease, |episodes| ClaimCounters { refused: episodes, ..ClaimCounters::default() }).await?;
     end(tx, lease, Settlement { claim: &claim, state: ClaimState::Refused, reason: Some(reason), audited })
         .await?;
-    let message = format!("the columns of lease {} were refused: {reason}", lease.name());
+    let message = format!("the claim of lease {} was refused: {reason}", lease.name());
     warn(tx, lease, WarningKind::RefusedClaim, &message).await
 }
 
@@ -142,7 +142,8 @@ pub(crate) async fn abandon(tx: &mut WriteTx, lease: &LeaseRow) -> Result<(), Se
                 Settlement { claim: &claim, state: ClaimState::Unproven, reason: None, audited },
             )?;
             // A trainer that withholds audited logs leaves as plain a trace as one whose logs contradict its claim.
-            let message = format!("lease {} ended before all audited logs were reported", lease.name());
+            let message =
+                format!("lease {} ended before the trainer reported all audited logs", lease.name());
             warn(tx, lease, WarningKind::UnprovenClaim, &message).await
         }
         Some(_) => Ok(()),

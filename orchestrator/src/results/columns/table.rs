@@ -45,12 +45,13 @@ impl Columns {
         ];
         for (column, length, optional) in lengths {
             if length != episodes && !(optional && length == 0) {
-                let why = format!("it has {length} entries, but the lease has {episodes} episodes");
+                let why =
+                    format!("must have {episodes} entries, one for each episode of the lease, got {length}");
                 return Err(ServiceError::invalid(column, why));
             }
         }
         match self.scores.iter().position(|score| !score.is_finite()) {
-            Some(at) => Err(ServiceError::invalid(format!("score.{at}"), "it is no finite number")),
+            Some(at) => Err(ServiceError::invalid(format!("score.{at}"), "must be a finite number")),
             None => Ok(()),
         }
     }
@@ -118,16 +119,16 @@ pub(crate) fn range_totals(columns: &Columns, range: &SeedRangeRow, group_size: 
 /// Returns [`StoreError::Corrupt`] if the bytes are no columns.
 pub(crate) fn decode(stored: &[u8]) -> Result<Columns, StoreError> {
     let broken = |why: &str| StoreError::corrupt("columns", why);
-    let Some((&CODEC, packed)) = stored.split_first() else { return Err(broken("their codec is unknown")) };
+    let Some((&CODEC, packed)) = stored.split_first() else { return Err(broken("the codec is unknown")) };
     let max_bytes = 12 + MAX_COLUMN_GROUPS as usize * 9;
     let bytes =
         zstd::bulk::decompress(packed, max_bytes).map_err(|error| StoreError::corrupt("columns", error))?;
-    let (head, rest) = bytes.split_first_chunk::<12>().ok_or_else(|| broken("they end too early"))?;
+    let (head, rest) = bytes.split_first_chunk::<12>().ok_or_else(|| broken("the data ends too early"))?;
     let mut lengths = head.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
     let (scores, steps, failed) =
         (lengths.next().unwrap_or(0), lengths.next().unwrap_or(0), lengths.next().unwrap_or(0));
     if rest.len() != scores * 4 + steps * 4 + failed {
-        return Err(broken("their lengths do not add up"));
+        return Err(broken("the lengths of the columns contradict the data"));
     }
     let (score_bytes, rest) = rest.split_at(scores * 4);
     let (step_bytes, failed_bytes) = rest.split_at(steps * 4);

@@ -69,7 +69,7 @@ pub(crate) struct SessionLeases {
 
 /// Returns the error of a session that may not run episodes of runs.
 pub(super) fn runs_not_allowed() -> ServiceError {
-    ServiceError::invalid("run", "sessions here cannot run episodes of runs")
+    ServiceError::invalid("run", "sessions of this server cannot run episodes of runs")
 }
 
 impl SessionLeases {
@@ -279,8 +279,7 @@ impl SessionLeases {
         let mut conn = self.lease_service.readers.acquire().await.map_err(StoreError::from)?;
         let row = find_active(&mut conn, &run, &lease).await?;
         if row.is_columns() {
-            let reason =
-                "its episodes are ranges of seeds, which a trainer runs itself and claims in columns";
+            let reason = "is a lease of columns, which the trainer rolls out itself; create a lease with `form: groups`";
             return Err(ServiceError::invalid("lease_id", reason));
         }
         let groups = load_groups(&mut conn, &row).await?;

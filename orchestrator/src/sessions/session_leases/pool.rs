@@ -54,13 +54,13 @@ pub(crate) struct PooledEpisode {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum PoolExhausted {
     /// The named group has no free episode; holds the size of the group.
-    #[error("all {0} episodes of this group are finished or running")]
+    #[error("all {0} episodes of the group are finished or running")]
     Group(i64),
     /// The lease has no free episode, or no free group for another name.
-    #[error("all episodes of this lease are finished or running")]
+    #[error("all episodes of the lease are finished or running")]
     Lease,
     /// The named episode is not free or belongs to another lease.
-    #[error("{0} is not an episode of this lease that can still be started")]
+    #[error("episode {0} is not in the lease, or is finished or running")]
     Episode(EpisodeId),
 }
 

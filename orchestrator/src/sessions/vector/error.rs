@@ -24,7 +24,7 @@ pub enum VectorError {
     #[error(transparent)]
     Frame(#[from] FrameError),
     /// The frame's number is neither the last one nor the next one.
-    #[error("it is {found}; the last was {last}: send {} next, or {last} to get its answer again", .last.wrapping_add(1))]
+    #[error("must be {} for a new frame, or {last} to repeat the last reply, got {found}", .last.wrapping_add(1))]
     Sequence {
         /// Number of the frame.
         found: u32,
@@ -38,7 +38,7 @@ pub enum VectorError {
     #[error(transparent)]
     Service(#[from] ServiceError),
     /// The environments panicked and are gone.
-    #[error("the environments were lost; the server's log says why")]
+    #[error("the environments were lost; the server's log has the reason")]
     Lost,
 }
 
@@ -50,7 +50,9 @@ impl From<ScenarioError> for VectorError {
 
 /// Error of environments that need more memory than vector sessions have left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("the environments need {needed_mib} MiB, and {free_mib} of {limit_mib} are free")]
+#[error(
+    "the environments need {needed_mib} MiB of memory, but {free_mib} of {limit_mib} MiB are free; open fewer environments"
+)]
 pub struct MemoryExceeded {
     /// Memory that the environments need, in MiB.
     pub needed_mib: usize,

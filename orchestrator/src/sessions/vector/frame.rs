@@ -199,31 +199,35 @@ impl FrameLayout {
     pub fn parse<'a>(&self, bytes: &'a [u8]) -> Result<ClientFrame<'a>, FrameError> {
         let wrong = |field, reason| Err(FrameError { field, reason });
         let Some((header, body)) = bytes.split_first_chunk::<HEADER_BYTES>() else {
-            let reason = format!("it is {}; a frame begins with {HEADER_BYTES} bytes", bytes.len());
+            let reason =
+                format!("must be at least {HEADER_BYTES} bytes, the size of the header, got {}", bytes.len());
             return wrong("length", reason);
         };
         let [m0, m1, m2, m3, v0, v1, k0, k1, s0, s1, s2, s3, n0, n1, n2, n3] = *header;
         if [m0, m1, m2, m3] != MAGIC {
-            return wrong("magic", "a frame begins with SPVF".to_owned());
+            return wrong("magic", "must be SPVF".to_owned());
         }
         let version = u16::from_le_bytes([v0, v1]);
         if version != FRAME_VERSION {
-            return wrong("version", format!("it is {version}; this server supports {FRAME_VERSION}"));
+            return wrong("version", format!("must be {FRAME_VERSION}, got {version}"));
         }
         let kind = u16::from_le_bytes([k0, k1]);
         let envs = u32::from_le_bytes([n0, n1, n2, n3]);
         if envs as usize != self.envs {
-            return wrong("envs", format!("it is {envs}; the session has {}", self.envs));
+            return wrong(
+                "envs",
+                format!("must be {}, the environments of the session, got {envs}", self.envs),
+            );
         }
         let (command, length) = match kind {
             1 => (FrameCommand::Step(body), self.actions_bytes()),
             3 => (FrameCommand::Reset(body.get(..self.envs).unwrap_or_default()), self.reset_bytes()),
-            _ => return wrong("kind", format!("it is {kind}; a client sends 1 (actions) or 3 (reset)")),
+            _ => return wrong("kind", format!("must be 1 (actions) or 3 (reset), got {kind}")),
         };
         if bytes.len() != length {
             return wrong(
                 "length",
-                format!("it is {}; a frame of this kind has {length} bytes", bytes.len()),
+                format!("must be {length} bytes for this kind of frame, got {}", bytes.len()),
             );
         }
         Ok(ClientFrame { sequence: u32::from_le_bytes([s0, s1, s2, s3]), command })

@@ -70,7 +70,7 @@ impl VectorPlan {
             }
         }
         // A plan has one scenario at least.
-        let shape = largest.ok_or(BatchError::Unsupported("there is no scenario to run"))?;
+        let shape = largest.ok_or(BatchError::Unsupported("the plan has no scenario"))?;
         Ok(Measured { shape: BatchShape { envs: self.config.envs, ..shape }, bytes_per_env })
     }
 
@@ -84,7 +84,7 @@ impl VectorPlan {
         let layout = FrameLayout { envs, agents, action, observation, is_leased: self.is_leased, has_finals };
         if layout.max_reply_bytes() > MAX_REPLY_BYTES || layout.actions_bytes() > MAX_REQUEST_BYTES {
             let reason = format!(
-                "frames of so many would have {} MiB of answers and {} of actions; at most {} are sent and {} read",
+                "is too large: replies would have {} MiB and actions {} MiB; the maxima are {} MiB and {} MiB",
                 layout.max_reply_bytes() >> 20,
                 layout.actions_bytes() >> 20,
                 MAX_REPLY_BYTES >> 20,

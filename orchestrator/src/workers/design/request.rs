@@ -44,19 +44,19 @@ impl DesignContext {
         finish.elapsed = started_at.elapsed();
         match &finish.error {
             Some(error) => {
-                tracing::warn!(run, ask = id, error, "A design request failed; the run continues.");
+                tracing::warn!(run, request = id, error, "A design request failed; the run continues.");
             }
-            None => tracing::debug!(run, ask = id, "A design request finished."),
+            None => tracing::debug!(run, request = id, "A design request finished."),
         }
         for _ in 0..MAX_STORE_TRIES {
             match self.worker.writer.change(finish.clone()).await {
                 Ok(_) | Err(ServiceError::Stopping) => break,
                 Err(error) if error.is_temporary() => tokio::time::sleep(STORE_RETRY_PAUSE).await,
                 Err(error) => {
-                    tracing::error!(run, ask = id, error = %error, "The result of a design request cannot be stored.");
+                    tracing::error!(run, request = id, error = %error, "The result of a design request cannot be stored.");
                     finish.made.clear();
                     finish.error =
-                        Some("the design result could not be stored; see the server's log".to_owned());
+                        Some("the result could not be stored; the server's log has the reason".to_owned());
                     tokio::time::sleep(STORE_RETRY_PAUSE).await;
                 }
             }
@@ -74,14 +74,14 @@ impl DesignContext {
             brief::load_brief(&mut conn, request).await.map_err(|error| error.to_string())?
         };
         let language = designer::design_language(request.recipe.task());
-        let language = language.ok_or_else(|| format!("{} has no design language yet", request.task))?;
+        let language = language.ok_or_else(|| format!("{} has no design language", request.task))?;
         let mut gate = Gate::new(language, archive.clone());
         if request.designer == DesignerKind::Llm {
             let task = DesignTask { brief: brief.clone(), gate };
             match self.run_designer(DesignerKind::Llm, &request.run, task).await {
                 Ok(result) => gate = finish.add(result),
                 Err(error) => {
-                    finish.warnings.push(format!("the language model: {error}"));
+                    finish.warnings.push(format!("the language model failed: {error}"));
                     gate = Gate::new(language, archive);
                 }
             }
@@ -94,7 +94,7 @@ impl DesignContext {
         if request.designer == DesignerKind::Llm {
             let wanted = brief.count;
             finish.warnings.push(format!(
-                "{admitted} of {wanted} layouts were admitted; the procedural designer makes the others"
+                "the gate admitted {admitted} of {wanted} layouts of the language model; the procedural designer makes the others"
             ));
         }
         brief.count = missing;
@@ -111,9 +111,9 @@ impl DesignContext {
         task: DesignTask,
     ) -> Result<DesignResult, String> {
         let designer = self.worker.designers.designer(kind, run);
-        let designer = designer.ok_or_else(|| format!("there is no {kind} designer here"))?;
+        let designer = designer.ok_or_else(|| format!("the server has no {kind} designer"))?;
         let limit = if kind == DesignerKind::Procedural { &self.procedural } else { &self.llm };
-        let _permit = limit.acquire().await.map_err(|_| "the service is stopping".to_owned())?;
+        let _permit = limit.acquire().await.map_err(|_| "the server is stopping".to_owned())?;
         run_designer(designer, task, self.stopping.clone()).await
     }
 }

@@ -46,7 +46,7 @@ pub(super) async fn run_designer(
         // The receiver is gone if the service stops.
         drop(sender.send(result));
     });
-    spawned.map_err(|error| format!("no thread to design on: {error}"))?;
+    spawned.map_err(|error| format!("a thread could not be started: {error}"))?;
     receiver.await.map_err(|_| "its thread ended".to_owned())?
 }
 
@@ -59,7 +59,7 @@ async fn design(
     let name = designer.name();
     let outcome = tokio::select! {
         // Nothing is ever sent: the channel closes when the worker ends.
-        _ = stopping.changed() => return Err("the service is stopping".to_owned()),
+        _ = stopping.changed() => return Err("the server is stopping".to_owned()),
         outcome = tokio::time::timeout(DESIGN_TIMEOUT, designer.design(&brief, &mut gate)) => outcome,
     };
     let outcome = outcome.map_err(|_| format!("it took longer than {} s", DESIGN_TIMEOUT.as_secs()))?;

@@ -87,7 +87,7 @@ async fn create_session(
         RpcOrigin::Connection(own) => {
             let is_running = own.view().is_ok_and(|view| !view.done);
             if is_running && !params.is_empty() {
-                return Err(RpcError::params("an episode is running in this session; finish it first"));
+                return Err(RpcError::params("the session has an unfinished episode; finish it first"));
             }
             if !is_running {
                 begin_episode(own, params).await?;
@@ -132,7 +132,9 @@ fn close_session(
     let name = params.get("session_id").and_then(Value::as_str);
     let name = name.ok_or_else(|| RpcError::params("'session_id' is required"))?;
     if own.is_some_and(|own| own.id() == name) {
-        return Err(RpcError::params("this session is the connection's own, and ends with it"));
+        return Err(RpcError::params(
+            "this session belongs to the connection and ends with it; close the connection",
+        ));
     }
     if app.sessions.close(&SessionKey::new(client, name)) {
         Ok(json!({"session_id": name, "closed": true}))
@@ -170,7 +172,7 @@ async fn call_tool(
         (None, Some(own)) => call_in_session(own, name, arguments).await,
         (Some(session), _) => call_in_session(&mut *session.lock().await, name, arguments).await,
         // Without a session, every call would have its own world.
-        (None, None) => Err(RpcError::params("'session_id' is required: openenv/session/create gives one")),
+        (None, None) => Err(RpcError::params("'session_id' is required; openenv/session/create returns one")),
     }
 }
 

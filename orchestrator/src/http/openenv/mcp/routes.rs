@@ -78,7 +78,7 @@ async fn serve(mut socket: WebSocket, app: AppState, client: ClientIdentity) {
             },
             Received::Binary(_) => rpc::error_response(
                 &Value::Null,
-                &RpcError::parse_error(Some("binary frames are not read here")),
+                &RpcError::parse_error(Some("binary frames are not supported; send text")),
             ),
             Received::Idle | Received::Stop(_) => return socket::close(socket).await,
             Received::TooLarge => return socket::close_for_size(socket).await,

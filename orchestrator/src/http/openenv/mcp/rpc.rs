@@ -26,21 +26,21 @@ impl RpcRequest {
         let mut errors = Vec::new();
         match fields.get("jsonrpc") {
             Some(Value::String(version)) if version == "2.0" => {}
-            Some(_) => errors.push("jsonrpc: it must be \"2.0\""),
-            None => errors.push("jsonrpc: it is missing"),
+            Some(_) => errors.push("jsonrpc: must be \"2.0\""),
+            None => errors.push("jsonrpc: is required"),
         }
         match fields.get("method") {
             Some(Value::String(_)) => {}
-            Some(_) => errors.push("method: it must be a string"),
-            None => errors.push("method: it is missing"),
+            Some(_) => errors.push("method: must be a string"),
+            None => errors.push("method: is required"),
         }
         match fields.get("params") {
             None | Some(Value::Null | Value::Object(_)) => {}
-            Some(_) => errors.push("params: it must be an object"),
+            Some(_) => errors.push("params: must be an object"),
         }
         match fields.get("id") {
             None | Some(Value::Null | Value::String(_) | Value::Number(_)) => {}
-            Some(_) => errors.push("id: it must be a string or a number"),
+            Some(_) => errors.push("id: must be a string or a number"),
         }
         if !errors.is_empty() {
             return Err(RpcError::new(-32600, format!("Invalid request: {}", errors.join("; "))));

@@ -1,6 +1,7 @@
 //! Tools of the Model Context Protocol: act, wait, observe, and predict conjunctions. No tool begins an episode.
 
 use env_core::TaskSpec;
+use env_core::text::{MAX_QUOTED_CHARS, shorten};
 use serde_json::{Map, Value, json};
 
 use super::super::error_message::session_error_message;
@@ -29,19 +30,27 @@ pub(super) fn task_tools(task: &'static dyn TaskSpec) -> Value {
         "type": "object",
         "properties": {
             "steps": {"type": "integer", "minimum": 1, "maximum": MAX_HOLD_STEPS, "default": 1,
-                      "description": "How many steps to wait; it stops early when the episode ends"}
+                      "description": "Number of steps to hold; fewer if the episode ends before"}
         },
         "additionalProperties": false
     });
     let tool = |name: &str, about: &str, schema: &Value| json!({"name": name, "description": about, "inputSchema": schema, "input_schema": schema});
     let mut tools = vec![
-        tool("fire_thrusters", "Act, and let one step pass. Answers with the telemetry after it.", &action),
-        tool("hold", "Do nothing new for some steps. Answers with the telemetry after them.", &steps),
-        tool("telemetry", "Look: what the sensors see now. No time passes.", &nothing),
+        tool(
+            "fire_thrusters",
+            "Execute an action for one step. Returns the telemetry after the step.",
+            &action,
+        ),
+        tool(
+            "hold",
+            "Hold for some steps, without new actions. Returns the telemetry after the last step.",
+            &steps,
+        ),
+        tool("telemetry", "Return the current telemetry. No time passes.", &nothing),
     ];
     if task.world().starts_with("kessler") {
-        let about = "Foresee: which debris will pass which satellite within 15 steps if nobody burns, when, how near, how \
-                     fast, and with what probability of a collision. No time passes.";
+        let about = "Predict the close passes of debris within 15 steps if no satellite burns: satellite, debris, time, \
+                     miss distance, relative speed and probability of a collision. No time passes.";
         tools.push(tool("conjunctions", about, &nothing));
     }
     Value::Array(tools)
@@ -61,12 +70,13 @@ pub(super) async fn call(
             check_no_arguments(&arguments)?;
             let shown = session.view().map_err(|error| rpc_error(&error))?;
             let conjunctions = shown.episode.conjunctions();
-            let conjunctions = conjunctions.ok_or_else(|| RpcError::params("this world foresees none"))?;
+            let conjunctions =
+                conjunctions.ok_or_else(|| RpcError::params("the world predicts no conjunctions"))?;
             Ok(json!({"conjunctions": conjunctions}))
         }
         other => {
             let other: String = other.chars().take(60).collect();
-            Err(RpcError::params(&format!("there is no tool {other:?}; tools/list tells them")))
+            Err(RpcError::params(&format!("tool {other:?} does not exist; tools/list returns all tools")))
         }
     }
 }
@@ -90,9 +100,12 @@ async fn hold(session: &mut Session, arguments: &Map<String, Value>) -> Result<V
     let steps = match arguments.get("steps") {
         None | Some(Value::Null) => 1,
         Some(steps) => {
-            let steps = steps.as_u64().filter(|steps| (1..=MAX_HOLD_STEPS).contains(steps));
-            steps.ok_or_else(|| {
-                RpcError::params(&format!("steps: a whole number from 1 to {MAX_HOLD_STEPS} is wanted"))
+            let number = steps.as_u64().filter(|steps| (1..=MAX_HOLD_STEPS).contains(steps));
+            number.ok_or_else(|| {
+                let steps = shorten(&steps.to_string(), MAX_QUOTED_CHARS);
+                RpcError::params(&format!(
+                    "steps: must be an integer from 1 to {MAX_HOLD_STEPS}, got {steps}"
+                ))
             })?
         }
     };
@@ -124,7 +137,7 @@ fn check_no_arguments(arguments: &Map<String, Value>) -> Result<(), RpcError> {
         None => Ok(()),
         Some(key) => {
             let key: String = key.chars().take(60).collect();
-            Err(RpcError::params(&format!("{key}: this tool takes no arguments")))
+            Err(RpcError::params(&format!("{key}: the tool has no arguments; leave it out")))
         }
     }
 }

@@ -12,13 +12,14 @@ use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
 
-/// Request layouts from a designer that aim at the agent's failures. The server responds at once and designs in the background; the
-/// `state` of the request shows its progress.
+/// Create a design request: a designer makes layouts that aim at the agent's failures.
+///
+/// The server responds at once and runs the designer in the background; the `state` of the request shows its progress.
 #[utoipa::path(
     post, path = "/runs/{run}/designs", tag = "designs", request_body = CreateDesignRequest,
     params(("run" = String, Path, description = "The run's id.")),
     responses(
-        (status = 202, body = DesignRequestSummary, description = "Accepted; `Location` is the request.", headers(("location" = String))),
+        (status = 202, body = DesignRequestSummary, description = "The request was accepted; `Location` is its path.", headers(("location" = String))),
         (status = 400, body = Problem), (status = 404, body = Problem), (status = 408, body = Problem), (status = 413, body = Problem),
         (status = 415, body = Problem), (status = 422, body = Problem), (status = 429, body = Problem),
         (status = 503, body = Problem)

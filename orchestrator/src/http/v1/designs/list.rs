@@ -14,8 +14,9 @@ use crate::http::problem::Problem;
 use crate::http::run_reader::find_run_tasks;
 use crate::http::state::AppState;
 
-/// List the designs of a run, newest first: active and retired layouts, and designs that the gate refused. At most 64 refused designs of
-/// a request are kept; the request and the statistics count all of them.
+/// List the designs of a run, newest first: active and retired layouts, and designs that the gate refused.
+///
+/// At most 64 refused designs of a request are kept; the request and the statistics count all of them.
 #[utoipa::path(
     get, path = "/runs/{run}/designs", tag = "designs",
     params(("run" = String, Path, description = "The run's id."), DesignQuery),

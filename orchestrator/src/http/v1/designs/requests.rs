@@ -16,7 +16,7 @@ use crate::http::problem::Problem;
 use crate::http::run_reader::{acquire_run_reader, find_run_tasks};
 use crate::http::state::AppState;
 
-/// List the requests to designers of a run, newest first.
+/// List the design requests of a run, newest first.
 #[utoipa::path(
     get, path = "/runs/{run}/designs/requests", tag = "designs",
     params(("run" = String, Path, description = "The run's id."), DesignRequestQuery),
@@ -45,7 +45,7 @@ pub(in crate::http::v1) async fn list_design_requests(
     }))
 }
 
-/// Get a request to a designer with the failure profile that it is based on.
+/// Get a design request with the failure profile that it is based on.
 #[utoipa::path(
     get, path = "/runs/{run}/designs/requests/{request}", tag = "designs",
     params(("run" = String, Path, description = "The run's id."), ("request" = String, Path, description = "Id of the design request.")),

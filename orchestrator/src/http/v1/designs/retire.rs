@@ -10,13 +10,15 @@ use crate::http::path_ids::{parse_id, parse_run_id};
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
 
-/// Retire a layout, so that it is not served again. Leased groups of it are not affected.
+/// Retire a layout.
+///
+/// The server leases no more groups of it. Groups that are already leased are not affected.
 #[utoipa::path(
     post, path = "/runs/{run}/designs/{design}/retire", tag = "designs",
     params(("run" = String, Path, description = "The run's id."), ("design" = String, Path, description = "The design's id.")),
     responses(
         (status = 200, body = DesignSummary), (status = 400, body = Problem), (status = 404, body = Problem),
-        (status = 409, body = Problem, description = "The gate refused the design."),
+        (status = 409, body = Problem, description = "The gate refused the design, so it has no layout."),
         (status = 429, body = Problem), (status = 503, body = Problem)
     )
 )]
@@ -28,13 +30,15 @@ pub(in crate::http::v1) async fn retire_design(
     set_retired(&app, &run, &design, true).await
 }
 
-/// Restore a retired layout, whatever the reason of its retirement. It is served again, and the outcomes behind its retirement are reset.
+/// Restore a retired layout, for any reason of its retirement.
+///
+/// The server leases groups of it again, and resets the outcomes behind its retirement.
 #[utoipa::path(
     post, path = "/runs/{run}/designs/{design}/revive", tag = "designs",
     params(("run" = String, Path, description = "The run's id."), ("design" = String, Path, description = "The design's id.")),
     responses(
         (status = 200, body = DesignSummary), (status = 400, body = Problem), (status = 404, body = Problem),
-        (status = 409, body = Problem, description = "The gate refused the design."),
+        (status = 409, body = Problem, description = "The gate refused the design, so it has no layout."),
         (status = 429, body = Problem), (status = 503, body = Problem)
     )
 )]

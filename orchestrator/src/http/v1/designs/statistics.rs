@@ -17,7 +17,7 @@ use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::runs::settings::RunSettings;
 
-/// Get the numbers of a run's designs: by state, by check of the gate, and their share of training.
+/// Get statistics of a run's designs: by state, by check of the gate, and their share of training.
 #[utoipa::path(
     get, path = "/runs/{run}/designs/statistics", tag = "designs",
     params(("run" = String, Path, description = "The run's id.")),

@@ -11,8 +11,10 @@ use crate::http::path_ids::parse_id;
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
 
-/// Cancel an evaluation. It becomes `failed` and grants no more leases; its results so far remain. A complete evaluation cannot be
-/// cancelled (409). Cancelling a failed one changes nothing.
+/// Cancel an evaluation.
+///
+/// The evaluation becomes `failed` and grants no more leases; its results so far remain. A complete evaluation cannot be cancelled
+/// (409). A failed evaluation does not change.
 #[utoipa::path(
     post, path = "/evaluations/{evaluation}/cancel", tag = "evaluations",
     params(("evaluation" = String, Path, description = "The evaluation's id.")),

@@ -13,7 +13,9 @@ use crate::http::extract::Query;
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
 
-/// Compare evaluations of one suite: paired by scenario, and across trainings if a side has several.
+/// Compare two sides of evaluations of one suite.
+///
+/// Differences are paired by scenario. If a side has several trainings, the response also has estimates across its trainings.
 #[utoipa::path(
     get, path = "/evaluations/compare", tag = "evaluations", params(ComparisonQuery),
     responses(
@@ -45,7 +47,7 @@ async fn read_side(app: &AppState, field: &str, text: &str) -> Result<Vec<Loaded
     if ids.len() > MAX_SIDE_EVALUATIONS {
         return Err(Problem::invalid(
             field,
-            format!("{} evaluations; at most {MAX_SIDE_EVALUATIONS} are taken", ids.len()),
+            format!("must list at most {MAX_SIDE_EVALUATIONS} evaluations, got {}", ids.len()),
         ));
     }
     let mut conn = app.readers.acquire().await?;

@@ -10,8 +10,10 @@ use crate::http::extract::{Json, NoQuery};
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
 
-/// Create an evaluation on a frozen suite. Without `run` the server runs a built-in policy. With `run` its trainer leases the scenarios
-/// (`purpose: eval`, `evaluation`: this id) and reports results until none is left. Evaluation seeds are never used for training.
+/// Create an evaluation on a frozen suite.
+///
+/// Without `run` the server rolls out a built-in policy. With `run` the trainer of the run leases the scenarios (`purpose: eval`,
+/// `evaluation`: this id) and reports results until no scenario is left. Evaluation seeds are never used for training.
 #[utoipa::path(
     post, path = "/evaluations", tag = "evaluations", request_body = EvaluationRequest,
     responses(

@@ -16,16 +16,18 @@ use crate::http::state::AppState;
 use crate::leases::columns::CreateColumnLease;
 use crate::leases::create::{CreateLease, GrantedLease};
 
-/// Create a lease of groups of scenarios. If scenarios are still being prepared, the server waits a while and then returns 503.
+/// Create a lease of groups of scenarios.
+///
+/// If the scenarios are not prepared yet, the server waits for up to 10 s and then returns 503.
 #[utoipa::path(
     post, path = "/runs/{run}/leases", tag = "leases", request_body = LeaseRequest,
     params(("run" = String, Path, description = "The run's id.")),
     responses(
         (status = 201, body = Lease),
         (status = 400, body = Problem), (status = 404, body = Problem),
-        (status = 409, body = Problem, description = "The run is paused."), (status = 408, body = Problem), (status = 413, body = Problem),
+        (status = 409, body = Problem, description = "The run is paused; resume it to create leases."), (status = 408, body = Problem), (status = 413, body = Problem),
         (status = 415, body = Problem), (status = 422, body = Problem), (status = 429, body = Problem),
-        (status = 503, body = Problem, description = "Scenarios are still being prepared; see Retry-After.")
+        (status = 503, body = Problem, description = "The scenarios are not prepared yet; retry after `Retry-After`.")
     )
 )]
 pub(in crate::http::v1) async fn create_lease(

@@ -12,14 +12,15 @@ use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::leases::find::find_lease;
 
-/// Get a lease with its groups. Of a lease that the run no longer keeps complete, only groups remain that a level move, a layout or
-/// an example of a failure depends on.
+/// Get a lease with its groups.
+///
+/// A compacted lease has only the groups on which a level move, a layout or an example of a failure depends.
 #[utoipa::path(
     get, path = "/runs/{run}/leases/{lease}", tag = "leases",
     params(("run" = String, Path, description = "The run's id."), ("lease" = String, Path, description = "The lease's id.")),
     responses(
         (status = 200, body = Lease), (status = 400, body = Problem), (status = 404, body = Problem),
-        (status = 410, body = Problem, description = "The run keeps only the outcomes of its episodes.")
+        (status = 410, body = Problem, description = "The lease was compacted; only the outcomes of its episodes are kept.")
     )
 )]
 pub(in crate::http::v1) async fn get_lease(

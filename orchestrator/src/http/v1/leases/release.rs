@@ -10,7 +10,9 @@ use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::leases::end::ReleaseLease;
 
-/// Release a lease. Scenarios of groups with too few finished episodes return to the queue. A release of an ended lease changes nothing.
+/// Release a lease.
+///
+/// Scenarios of groups with too few finished episodes return to the queue. A repeated release changes nothing.
 #[utoipa::path(
     post, path = "/runs/{run}/leases/{lease}/release", tag = "leases",
     params(("run" = String, Path, description = "The run's id."), ("lease" = String, Path, description = "The lease's id.")),

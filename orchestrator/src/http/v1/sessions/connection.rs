@@ -22,7 +22,7 @@ use crate::sessions::{
 /// Longest time from the connection to an open session.
 const OPEN_TIMEOUT: Duration = Duration::from_secs(10);
 /// Text of the error for a frame that is too large.
-const TOO_LARGE: &str = "a frame has at most 16 MiB";
+const TOO_LARGE: &str = "a frame must have at most 16 MiB";
 
 /// Sends a text message.
 async fn send_text(socket: &mut WebSocket, text: Bytes) -> Result<(), ClientGone> {
@@ -99,9 +99,9 @@ async fn open_session(
                 }
             }
             Received::Binary(_) => {
-                ErrorMessage::new("not_open", "the first message opens a session: send it as text")
+                ErrorMessage::new("not_open", "the first message must be text, of the type open or resume")
             }
-            Received::Idle => ErrorMessage::new("idle_timeout", "no session was opened in time").ending(),
+            Received::Idle => ErrorMessage::new("idle_timeout", "no session was opened within 10 s").ending(),
             Received::Stop(reason) => closing_error(reason).ending(),
             Received::TooLarge => ErrorMessage::new("too_large", TOO_LARGE).ending(),
             Received::Left | Received::Gone => return None,
@@ -161,7 +161,7 @@ async fn reply(attachment: &mut SessionAttachment, received: Received, ttl_s: u6
             single::answer(single, &text, ttl_s).await
         }
         (Some(ResumableSession::Single(_)), _) => {
-            let words = "this session has no binary frames: open one with `vector`";
+            let words = "the session accepts text messages only; open one with `vector` for binary frames";
             ControlFlow::Continue(ErrorMessage::new("not_text", words).to_json(None).into())
         }
         (Some(ResumableSession::Vector(vector)), Received::Text(text)) => {
@@ -175,9 +175,9 @@ async fn reply(attachment: &mut SessionAttachment, received: Received, ttl_s: u6
             };
         }
         // A session is missing only after an internal error.
-        (_, _) => {
-            ControlFlow::Break(ErrorMessage::new("internal", "the session is gone").to_json(None).into())
-        }
+        (_, _) => ControlFlow::Break(
+            ErrorMessage::new("internal", "the session was lost; open a new one").to_json(None).into(),
+        ),
     };
     match flow {
         ControlFlow::Continue(text) => Reply::Text(text),
@@ -213,7 +213,7 @@ async fn serve_session(
                 drop(attachment);
                 return close_with_error(
                     socket,
-                    &ErrorMessage::new("idle_timeout", "the session was idle for too long and has ended"),
+                    &ErrorMessage::new("idle_timeout", "the session ended after its idle timeout"),
                 )
                 .await;
             }

@@ -5,7 +5,7 @@ use openenv_wire::{LocSegment, ValidationError};
 use serde_json::{Value, json};
 
 use crate::http::problem::{Problem, ProblemParts};
-use crate::input::FieldError;
+use crate::input::{FieldError, KNOWN_FIELDS};
 use crate::limits::QuotaExceeded;
 use crate::sessions::{ResumeError, SessionError, SessionRequestError, VectorError};
 
@@ -40,6 +40,12 @@ impl ErrorMessage {
     /// Sets the field at fault.
     pub(super) fn at(mut self, field: impl Into<String>) -> Self {
         self.field = Some(field.into());
+        self
+    }
+
+    /// Adds fields to the list of known ones, if the error is about an unknown field.
+    pub(super) fn with_known_fields(mut self, names: &str) -> Self {
+        self.detail = self.detail.replace(KNOWN_FIELDS, &format!("{KNOWN_FIELDS} {names},"));
         self
     }
 
@@ -78,7 +84,11 @@ impl From<SessionRequestError> for ErrorMessage {
 
 impl From<QuotaExceeded> for ErrorMessage {
     fn from(full: QuotaExceeded) -> Self {
-        Self::new("at_capacity", format!("{} of {} sessions are open", full.active, full.limit)).retryable()
+        Self::new(
+            "at_capacity",
+            format!("{} of {} sessions are open; close one, or retry later", full.active, full.limit),
+        )
+        .retryable()
     }
 }
 
@@ -99,7 +109,7 @@ impl From<Problem> for ErrorMessage {
 
 /// Error of an invalid action: its first fault, and the number of further faults.
 fn action_error(faults: &[ValidationError]) -> ErrorMessage {
-    let Some(first) = faults.first() else { return ErrorMessage::invalid("action", "it cannot be read") };
+    let Some(first) = faults.first() else { return ErrorMessage::invalid("action", "cannot be read") };
     let mut field = "action".to_owned();
     for place in &first.loc {
         field.push('.');
@@ -110,7 +120,7 @@ fn action_error(faults: &[ValidationError]) -> ErrorMessage {
     }
     let more = match faults.len() {
         1 => String::new(),
-        n => format!(" (and {} more faults)", n - 1),
+        n => format!(" (and {} more errors)", n - 1),
     };
     ErrorMessage::new("invalid_action", format!("{}{more}", first.msg)).at(field)
 }
@@ -122,7 +132,7 @@ impl From<SessionError> for ErrorMessage {
             SessionError::Refused(error) => Self::new("invalid_action", error.to_string()).at("action"),
             SessionError::NotStarted => Self::new("not_started", error.to_string()),
             SessionError::Over => Self::new("episode_over", error.to_string()),
-            SessionError::Scenario(error) => Self::invalid(error.field().to_owned(), error.to_string()),
+            SessionError::Scenario(error) => Self::invalid(error.field().to_owned(), error.reason()),
             SessionError::Service(error) => Problem::from(error).into(),
         }
     }

@@ -25,16 +25,18 @@ use crate::http::socket::limit_frames_to;
 use crate::http::state::AppState;
 use crate::sessions::vector::frame::MAX_REQUEST_BYTES;
 
-/// Connect to a session on the server over a WebSocket. The first message opens a session, `{"type": "open", "version": 1, …}`, with
-/// the fields of an OpenEnv reset (`task`, `params`, `physics`, `seed`, `scenario`, or `run`, `lease_id`, `group_id`) and optionally
-/// `vector`, for many environments that are stepped by binary frames. Or it resumes a session whose connection was lost, `{"type":
-/// "resume", "session": …}`. `docs/reference/stepping.md` has every frame.
+/// Connect to a session on the server over a WebSocket.
+///
+/// The first message opens a session: `{"type": "open", "version": 1, …}`, with the fields of an OpenEnv reset (`task`, `params`,
+/// `physics`, `seed`, `scenario`, or `run`, `lease_id`, `group_id`). With `vector` the session has many environments, which binary
+/// frames step. A client that lost its connection resumes the session by `{"type": "resume", "session": …}` instead.
+/// `docs/reference/stepping.md` describes all messages and frames.
 #[utoipa::path(
     get, path = "/sessions", tag = "sessions",
     responses(
-        (status = 101, description = "The WebSocket is open; errors are messages from here on."),
+        (status = 101, description = "The WebSocket is open; the server sends errors as messages from here on."),
         (status = 400, body = Problem),
-        (status = 426, body = Problem, description = "The request does not ask for a WebSocket.")
+        (status = 426, body = Problem, description = "The request is not a WebSocket upgrade.")
     )
 )]
 pub(super) async fn connect_session(
@@ -47,7 +49,7 @@ pub(super) async fn connect_session(
         Ok(upgrade) => limit_frames_to(upgrade, MAX_REQUEST_BYTES)
             .on_upgrade(move |socket| connection::serve(socket, app, caller.identity)),
         Err(_) => {
-            let words = "Sessions are WebSockets: request an upgrade of the protocol.";
+            let words = "The request must be a WebSocket upgrade.";
             let problem = Problem::new(StatusCode::UPGRADE_REQUIRED, "upgrade_required", words);
             ([(axum::http::header::UPGRADE, "websocket")], problem).into_response()
         }

@@ -11,6 +11,9 @@ use crate::input::{InputError, from_value, parse_json};
 use crate::sessions::vector::frame::FRAME_VERSION;
 use crate::sessions::{ClientIdentity, ResumableSession, ResumeError, SessionAttachment, SingleSession};
 
+/// Fields of an `open` message that a reset does not have.
+const OPEN_FIELDS: &str = "version, vector";
+
 /// Opened or resumed session, with the first messages to send.
 pub(super) struct OpenedSession {
     /// Attachment of the connection to the session.
@@ -54,25 +57,25 @@ pub(super) fn parse_message(text: &str) -> Result<ClientMessage, (Option<u64>, E
             let why: String = why.chars().take(200).collect();
             (
                 None,
-                ErrorMessage::new("malformed_json", format!("the message is not JSON: {why}")).at("message"),
+                ErrorMessage::new("malformed_json", format!("the message must be JSON: {why}")).at("message"),
             )
         }
     })?;
     let Value::Object(mut fields) = message else {
-        return Err((None, ErrorMessage::invalid("message", "it must be an object")));
+        return Err((None, ErrorMessage::invalid("message", "must be an object")));
     };
     let id = fields.get("id").and_then(Value::as_u64);
     match fields.remove("type") {
         Some(Value::String(kind)) => Ok(ClientMessage { kind, id, fields }),
-        Some(_) => Err((id, ErrorMessage::invalid("type", "it must be a string"))),
-        None => Err((id, ErrorMessage::invalid("type", "it is missing"))),
+        Some(_) => Err((id, ErrorMessage::invalid("type", "must be a string"))),
+        None => Err((id, ErrorMessage::invalid("type", "is required"))),
     }
 }
 
 /// Error for a message of an unknown type.
 pub(super) fn unknown_type(kind: &str, known: &str) -> ErrorMessage {
     let kind: String = kind.chars().take(60).collect();
-    ErrorMessage::new("unknown_type", format!("it is {kind:?}; known are {known}")).at("type")
+    ErrorMessage::new("unknown_type", format!("must be {known}, got {kind:?}")).at("type")
 }
 
 /// Checks the version of the protocol.
@@ -80,11 +83,8 @@ fn check_version(version: u16) -> Result<(), ErrorMessage> {
     if version == FRAME_VERSION {
         return Ok(());
     }
-    Err(ErrorMessage::new(
-        "unsupported_version",
-        format!("it is {version}; this server supports {FRAME_VERSION}"),
-    )
-    .at("version"))
+    Err(ErrorMessage::new("unsupported_version", format!("must be {FRAME_VERSION}, got {version}"))
+        .at("version"))
 }
 
 /// Opens or resumes a session, by the type of the first message.
@@ -97,7 +97,7 @@ pub(super) async fn open_or_resume(
     let opened = match kind.as_str() {
         "open" => open(app, who, fields).await,
         "resume" => resume(app, who, fields).await,
-        other => Err(unknown_type(other, "open, resume: the first message opens a session")),
+        other => Err(unknown_type(other, "open or resume in the first message")),
     };
     opened.map_err(|error| (id, error))
 }
@@ -111,7 +111,8 @@ async fn open(
     check_version(from_value::<VersionField>(Value::Object(version))?.version)?;
     fields.remove("id");
     let vector = fields.remove("vector").filter(|vector| !vector.is_null());
-    let request = session_request::session_request(fields)?;
+    let request = session_request::session_request(fields);
+    let request = request.map_err(|error| error.with_known_fields(OPEN_FIELDS))?;
     let ttl_s = app.sessions.limits().resume_timeout.as_secs();
     let (session, text, frame) = if let Some(vector) = vector {
         let settings = session_request::vector_request(vector)?;

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::str::FromStr;
 
 use env_core::batch::{Autoreset, ObservationMode};
+use env_core::text::{MAX_QUOTED_CHARS, shorten};
 use env_core::{Scenario, TaskSpec};
 use serde::Deserialize;
 use serde_json::{Map, Value};
@@ -79,7 +80,7 @@ fn parse_optional_id<T: FromStr<Err = InvalidId>>(
 fn check_name(field: &str, text: Option<String>) -> Result<Option<String>, ErrorMessage> {
     match text {
         Some(text) if text.chars().count() > MAX_NAME_CHARS => {
-            Err(ErrorMessage::invalid(field, format!("it has more than {MAX_NAME_CHARS} characters")))
+            Err(ErrorMessage::invalid(field, format!("must have at most {MAX_NAME_CHARS} characters")))
         }
         text => Ok(text),
     }
@@ -89,7 +90,10 @@ fn check_name(field: &str, text: Option<String>) -> Result<Option<String>, Error
 fn find_task(field: &str, name: Option<&String>) -> Result<Option<&'static dyn TaskSpec>, ErrorMessage> {
     let find = |name: &String| {
         task_by_name(name).ok_or_else(|| {
-            ErrorMessage::invalid(field, format!("there is no such task; known are {}", known_tasks()))
+            ErrorMessage::invalid(
+                field,
+                format!("must be one of {}, got {:?}", known_tasks(), shorten(name, MAX_QUOTED_CHARS)),
+            )
         })
     };
     name.map(find).transpose()
@@ -104,7 +108,7 @@ pub(super) fn session_request(fields: Map<String, Value>) -> Result<SessionReque
                 "scenario" => "scenario".to_owned(),
                 field => format!("scenario.{field}"),
             };
-            ErrorMessage::invalid(field, error.to_string())
+            ErrorMessage::invalid(field, error.reason())
         })
     });
     Ok(SessionRequest {
@@ -146,7 +150,7 @@ pub(super) fn vector_request(fields: Value) -> Result<VectorRequest, ErrorMessag
         ObservationMode::Tracks { .. } => [("bodies", fields.bodies), ("bodies", None)],
     };
     if let Some((field, _)) = unused.iter().find(|(_, given)| given.is_some()) {
-        let reason = "it has no effect with this `observe`; leave it out";
+        let reason = "has no effect with this `observe`; leave it out";
         return Err(ErrorMessage::invalid(format!("vector.{field}"), reason));
     }
     Ok(VectorRequest {

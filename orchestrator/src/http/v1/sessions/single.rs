@@ -47,8 +47,11 @@ pub(super) async fn answer(single: &mut SingleSession, text: &str, ttl_s: u64) -
             Ok(field) => return ControlFlow::Break(messages::closed_message(field.id, None).into()),
             Err(fault) => Err(fault.into()),
         },
-        "open" | "resume" => Err(ErrorMessage::new("already_open", "the session is open").at("type")),
-        other => Err(unknown_type(other, "step, reset, state, close")),
+        "open" | "resume" => {
+            Err(ErrorMessage::new("already_open", "the session is already open; send it on a new connection")
+                .at("type"))
+        }
+        other => Err(unknown_type(other, "step, reset, state or close")),
     };
     ControlFlow::Continue(reply.unwrap_or_else(|error| error.to_json(id).into()))
 }
@@ -56,13 +59,12 @@ pub(super) async fn answer(single: &mut SingleSession, text: &str, ttl_s: u64) -
 /// Returns the stored reply if the message with this id was answered before; `None` for a new message.
 fn repeated_reply(single: &SingleSession, id: u64) -> Result<Option<Bytes>, ErrorMessage> {
     if id > MAX_MESSAGE_ID {
-        return Err(ErrorMessage::invalid("id", format!("it is {id}; at most {MAX_MESSAGE_ID}")));
+        return Err(ErrorMessage::invalid("id", format!("must be at most {MAX_MESSAGE_ID}, got {id}")));
     }
     match &single.last_reply {
         Some(last) if last.id == id => Ok(Some(last.text.clone())),
         Some(last) if id < last.id => {
-            let words =
-                format!("it is {id}, but {} was answered later, and only the last reply is kept", last.id);
+            let words = format!("must be at least {}, the id of the last reply, got {id}", last.id);
             Err(ErrorMessage::new("out_of_order", words).at("id"))
         }
         _ => Ok(None),
@@ -90,7 +92,7 @@ async fn step(single: &mut SingleSession, fields: Map<String, Value>) -> Result<
 async fn reset(single: &mut SingleSession, mut fields: Map<String, Value>) -> Result<Bytes, ErrorMessage> {
     let number: Map<_, _> = fields.remove_entry("id").into_iter().collect();
     let IdField { id } = from_value(Value::Object(number))?;
-    let id = id.ok_or_else(|| ErrorMessage::invalid("id", "it is missing"))?;
+    let id = id.ok_or_else(|| ErrorMessage::invalid("id", "is required"))?;
     if let Some(reply) = repeated_reply(single, id)? {
         return Ok(reply);
     }

@@ -30,11 +30,15 @@ pub(super) async fn answer_text(
             return ControlFlow::Break(messages::closed_message(field.id, tally.as_ref()).into());
         }
         ("state" | "close", Err(error)) => Err(error),
-        ("open" | "resume", _) => Err(ErrorMessage::new("already_open", "the session is open").at("type")),
-        ("step" | "reset", _) => {
-            Err(ErrorMessage::invalid("type", "a vector session is stepped and reset by binary frames"))
+        ("open" | "resume", _) => {
+            Err(ErrorMessage::new("already_open", "the session is already open; send it on a new connection")
+                .at("type"))
         }
-        (other, _) => Err(unknown_type(other, "state, close; steps are binary frames")),
+        ("step" | "reset", _) => Err(ErrorMessage::invalid(
+            "type",
+            "must be state or close: send steps and resets of a vector session as binary frames",
+        )),
+        (other, _) => Err(unknown_type(other, "state or close, or a binary frame")),
     };
     ControlFlow::Continue(reply.unwrap_or_else(|error: ErrorMessage| error.to_json(id).into()))
 }

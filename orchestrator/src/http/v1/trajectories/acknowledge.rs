@@ -13,7 +13,9 @@ use crate::rollouts::feed::{AcknowledgeGroups, AcknowledgedGroups};
 /// Largest number of ids in a request.
 const MAX_IDS: usize = 10_000;
 
-/// Acknowledge delivered groups. They are not delivered again and make room in the feed. A repeated request has no further effect.
+/// Acknowledge delivered groups.
+///
+/// The server does not deliver them again, and runs new groups in their place. A repeated request has no further effect.
 #[utoipa::path(
     post, path = "/runs/{run}/trajectories/ack", tag = "trajectories", request_body = AcknowledgeRequest,
     params(("run" = String, Path, description = "The run's id.")),
@@ -31,11 +33,11 @@ pub(in crate::http::v1) async fn acknowledge_trajectories(
 ) -> Result<axum::Json<AcknowledgeResponse>, Problem> {
     let run = parse_run_id(&run)?;
     if request.ids.len() > MAX_IDS {
-        let detail = format!("{} ids; at most {MAX_IDS} are accepted in one request", request.ids.len());
+        let detail = format!("must have at most {MAX_IDS} entries, got {}", request.ids.len());
         return Err(Problem::invalid("ids", detail));
     }
     drop(acquire_run_reader(&app, &run).await?);
-    let too_large = |at| Problem::invalid(format!("ids.{at}"), "it is larger than any id of a group");
+    let too_large = |at| Problem::invalid(format!("ids.{at}"), "is larger than any id of a group");
     let ids =
         request.ids.into_iter().enumerate().map(|(at, id)| i64::try_from(id).map_err(|_| too_large(at)));
     let ids = ids.collect::<Result<_, _>>()?;

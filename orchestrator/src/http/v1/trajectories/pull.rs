@@ -43,7 +43,7 @@ impl PullRequest {
             if (min..=max).contains(&value) {
                 Ok(value)
             } else {
-                Err(Problem::invalid(field, format!("it is {value}, outside {min} to {max}")))
+                Err(Problem::invalid(field, format!("must be from {min} to {max}, got {value}")))
             }
         };
         let mode = match query.after {
@@ -53,7 +53,7 @@ impl PullRequest {
             Some(_) if query.ttl_s.is_some() => {
                 return Err(Problem::invalid(
                     "ttl_s",
-                    "groups that are read by `after` are not claimed; leave it out",
+                    "must be left out with `after`, which does not claim groups",
                 ));
             }
             Some(after) => PullMode::After(i64::try_from(after).unwrap_or(i64::MAX)),
@@ -119,9 +119,11 @@ impl PullRequest {
     }
 }
 
-/// Pull finished groups, in order. They are claimed for `ttl_s` and delivered again if they are not acknowledged in that time, so that
-/// each group is delivered at least once; `id` identifies repeats. With `after` groups are read again without a claim. With `wait_s`
-/// the response is sent as soon as there is a group.
+/// Pull finished groups of the trajectory feed, in order.
+///
+/// The server claims the groups for `ttl_s` seconds, and delivers a group again if it is not acknowledged in that time. So each group
+/// is delivered at least once; `id` identifies repeats. With `after` the server returns groups again without a claim. With `wait_s`
+/// it responds as soon as there is a group.
 #[utoipa::path(
     get, path = "/runs/{run}/trajectories", tag = "trajectories",
     params(("run" = String, Path, description = "The run's id."), TrajectoryQuery),
@@ -130,7 +132,7 @@ impl PullRequest {
             (TrajectoryPage = "application/json"), (DeliveredGroup = "application/x-ndjson"), (TrajectoryPage = "application/msgpack")
         )),
         (status = 400, body = Problem), (status = 404, body = Problem), (status = 422, body = Problem),
-        (status = 429, body = Problem, description = "Too many requests are waiting; see Retry-After."),
+        (status = 429, body = Problem, description = "Too many long polls are open; retry after `Retry-After`."),
         (status = 503, body = Problem)
     )
 )]
