@@ -1,13 +1,13 @@
 """GRPO with TRL and OpenEnv's client: episodes run on the server, and the trainer steps them over a WebSocket of OpenEnv.
 
-    pip install trl torch openenv-core          # tested with TRL 1.16, transformers 5.23, openenv-core 0.3.0
+    pip install trl torch peft openenv-core     # tested with TRL 1.16, transformers 5.23, openenv-core 0.3.0
     sparring serve &
     python examples/grpo_openenv.py --model Qwen/Qwen3-0.6B --steps 100
 
-A prompt is a group of episodes of one scenario. The curriculum chooses the scenarios of the run (`run`), assigns the same one to
-all members of a group (`group_id`), and receives the outcome of an episode with its last step. Steps that a model leaves unused
-are spent holding, so that a short answer has no advantage. examples/grpo_in_process.py runs the episodes in the trainer's process
-instead.
+A prompt is a group of episodes of one scenario. The curriculum of the run (`run`) chooses the scenarios, and assigns the same one
+to all members of a group (`group_id`). It receives the outcome of an episode with its last step. The environment holds for the
+steps that a model leaves unused, so that a short answer has no advantage. examples/grpo_in_process.py runs the episodes in the
+trainer's process instead.
 """
 
 import argparse

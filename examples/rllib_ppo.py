@@ -6,7 +6,7 @@
     python examples/rllib_ppo.py --task docking/multiagent              # one agent per deputy, one policy for all
     sparring serve & python examples/rllib_ppo.py --url http://127.0.0.1:8700 --run my-run
 
-In kessler one agent acts for all three satellites and gets the team's reward; its module controls each satellite from its own
+In kessler one agent acts for all three satellites and receives the team's reward; its module controls each satellite from its own
 row (`sparring.rllib.module_spec`). With --agents, and in docking, each satellite or deputy is an agent; deputies have rewards of
 their own. --tensorboard writes the return and the curriculum's metrics; with Tune, which is not used here, RLlib writes them.
 
@@ -42,7 +42,7 @@ POLICY = "shared"
 
 def parse_arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--task", default="kessler/survival", help="task, as kessler/eco_station or docking/multiagent")
+    parser.add_argument("--task", default="kessler/survival", help="id of a task, such as docking/multiagent (%(default)s)")
     parser.add_argument("--url", help="address of a running server (default: start one)")
     parser.add_argument("--run", help="id of a run of that server to continue (default: create one)")
     parser.add_argument("--agents", action="store_true", help="make each satellite an agent, which is slower")

@@ -3,7 +3,7 @@
     pip install 'sparring[sb3]' sparring-server matplotlib
     python examples/sb3_ppo.py --steps 1000000 --tensorboard runs --plot sb3.svg
 
-One policy controls every satellite. The curriculum chooses the scenarios and gets the outcomes. The policy is evaluated on
+One policy controls every satellite. The curriculum chooses the scenarios and receives the outcomes. The policy is evaluated on
 held-out scenarios at intervals, which does not affect the curriculum.
 """
 
@@ -74,7 +74,7 @@ def train(args: argparse.Namespace, curriculum: sparring.Curriculum) -> None:
     try:
         model.learn(args.steps, callback=CallbackList([evaluations, sparring.sb3.CurriculumCallback(curriculum)]))
     except KeyboardInterrupt:
-        print("stopped: the model keeps what it has learned so far", file=sys.stderr)
+        print("Stopped. The model has the weights of its last update.", file=sys.stderr)
     envs.close()
     curriculum.flush()
     if args.save:

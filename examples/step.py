@@ -1,7 +1,11 @@
-"""A trainer whose episodes run on the server, one environment over one WebSocket: python step.py http://127.0.0.1:8700 [episodes]
+"""A trainer whose episodes run on the server, one environment over one WebSocket.
 
-It needs only `websockets` (pip install websockets); docs/reference/stepping.md documents the messages. The curriculum of a run chooses the
-scenarios, the server records the actions, and the last step of an episode is answered once its outcome is stored.
+    pip install websockets
+    sparring serve &
+    python examples/step.py http://127.0.0.1:8700 4     # the number of episodes is optional (6)
+
+The curriculum of a run chooses the scenarios. The server records the actions, and answers the last step of an episode once its
+outcome is stored. docs/reference/stepping.md documents the messages.
 """
 
 import contextlib
@@ -53,7 +57,7 @@ class Session:
         return response
 
     def request(self, kind, **fields):
-        """Sends a step or a reset. Its id tells the server whether the message is a repetition."""
+        """Sends a step or a reset. The server detects a repetition by the id of the message."""
         self.message_id += 1
         while True:
             try:
@@ -67,7 +71,7 @@ class Session:
 
 
 def choose_burns(observation):
-    """Burns away from the debris that comes nearest in the next four steps, if all bodies move in straight lines."""
+    """Burns away from the debris with the closest approach in the next four steps, if all bodies move in straight lines."""
     burns = []
     for satellite in observation["satellites"]:
         if satellite["fuel"] <= 1.0:
@@ -112,5 +116,5 @@ def main(base_url, episodes):
 
 if __name__ == "__main__":
     if len(sys.argv) < 2:
-        sys.exit("python step.py http://127.0.0.1:8700 [episodes]")
+        sys.exit("usage: python examples/step.py URL [EPISODES], for example http://127.0.0.1:8700 4")
     main(sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else 6)

@@ -25,7 +25,7 @@ def make_tiny_model(prompts, answers=(), tools=None, seed=1):
 
     Args:
         prompts: Prompts that the tokenizer is trained on.
-        answers: Assistant messages that get one token each.
+        answers: Assistant messages, each of which becomes one token.
         tools: Tools of the chat template.
         seed: Seed of the weights.
     """

@@ -4,9 +4,9 @@
     python examples/trajectories.py                     # plain Python
     python examples/trajectories.py --form msgpack      # pip install msgpack
 
-A real trainer serves its policy at the server's endpoint (`sparring serve --policy-url … --policy-tokens`), sets the policy
-`chat`, learns from tokens, log-probabilities and advantages, and increments `version` once the endpoint has the new weights.
-This one has no weights: a built-in policy acts, and the trainer counts the actions that a step of GRPO would use.
+A real trainer serves its policy at an endpoint (`sparring serve --policy-url … --policy-tokens`) and sets the policy `chat`. It
+learns from tokens, log-probabilities and advantages, and increments `version` once the endpoint has the new weights. This one has
+no weights: a built-in policy acts, and the trainer counts the actions that a step of GRPO would use.
 """
 
 import argparse

@@ -1,9 +1,13 @@
-"""A trainer that steps many environments by binary frames: python vector.py http://127.0.0.1:8700 [leases]
+"""A trainer that steps many environments on the server by binary frames.
 
-It needs only `websockets` (pip install websockets); docs/reference/stepping.md documents the frames. It takes leases of a run, and 32
-environments run their episodes; the server reports each episode when it ends. The policy is linear and learns by evolution
-strategies: each episode runs a variation of it, and variations with higher scores have more weight. With NumPy,
-`numpy.frombuffer(frame, dtype, count, offset)` reads the columns without a copy.
+    pip install websockets
+    sparring serve &
+    python examples/vector.py http://127.0.0.1:8700 10     # the number of leases is optional (100)
+
+It takes leases of a run, and 32 environments run their episodes. The server reports each episode when it ends. The policy is
+linear and learns by evolution strategies: each episode runs a variation of it, and variations with higher scores have more
+weight. docs/reference/stepping.md documents the frames. With NumPy, `numpy.frombuffer(frame, dtype, count, offset)` reads the
+columns without a copy.
 """
 
 import contextlib
@@ -147,5 +151,5 @@ def main(base_url, leases):
 
 if __name__ == "__main__":
     if len(sys.argv) < 2:
-        sys.exit("python vector.py http://127.0.0.1:8700 [leases]")
+        sys.exit("usage: python examples/vector.py URL [LEASES], for example http://127.0.0.1:8700 10")
     main(sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else 100)

@@ -33,18 +33,18 @@ STREAM_TIMEOUT = httpx.Timeout(30.0, read=60.0)
 BUSY_STATUSES = (429, 503)
 #: Statuses of a proxy, or of a server that fails.
 FAILURE_STATUSES = (408, 500, 502, 504)
-#: Prefix of the server's own problem types. Such a response means that nothing was changed, except for `TIMED_OUT`.
+#: Prefix of the server's own problem types. Except for `TIMED_OUT`, such a response means that the server changed nothing.
 PROBLEM_PREFIX = "urn:sparring:problem:"
 #: Problem type of a request that the server gave up: the client cannot know whether it was executed.
 TIMED_OUT = "urn:sparring:problem:timed_out"
 
 
 class ApiError(Exception):
-    """Error response of the server.
+    """The server rejected a request.
 
     Attributes:
         status: HTTP status.
-        detail: One sentence about the error.
+        detail: Message of the server.
         field: Dotted path of the invalid field, if the server names one.
         problem: Complete problem details (RFC 9457).
     """
@@ -58,7 +58,7 @@ class ApiError(Exception):
 
 
 class ServerUnreachableError(Exception):
-    """The server did not answer, in spite of repeated requests."""
+    """No server answers at the address of the client."""
 
 
 class Event(NamedTuple):
@@ -197,11 +197,15 @@ class Client(operations.Operations):
                 return
 
     def events(self, run: str, *, after: int | None = None) -> Iterator[Event]:
-        """Yields the events of a run, and continues where it was when the connection is lost.
+        """Yields the events of a run without end; reconnects after a lost connection and misses no event.
 
         Args:
             run: Id of the run.
             after: Number of the event to continue after (default: only new events).
+
+        Raises:
+            ApiError: The server rejects the request.
+            ServerUnreachableError: The connection stays lost for `retry_timeout_s`.
         """
         last, retries = after, _RetryPolicy(self._connection, is_repeatable=True)
         while True:

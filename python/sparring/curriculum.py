@@ -41,28 +41,29 @@ class Curriculum:
 
     Pass it to `sparring.make_vec(curriculum=…)`. Background threads lease episodes ahead and submit their actions, from which
     the server computes the scores. A step waits for the network only if no episode is ready. While the server is
-    unreachable, ready episodes are run and results are kept, up to `buffer` episodes.
+    unreachable, the environments run the ready episodes, and the curriculum stores up to `buffer` results.
 
     Args:
         url: Address of the server.
         run: Id of the run; without it a run is created with `settings`.
         token: Token of a trainer (default `SPARRING_TOKEN`; empty text: none).
         settings: Settings of the run to create, as for `POST /v1/runs`: `tasks`, `strategy`, `group_size` …
-        form: How episodes are reported. `groups`: every action log is replayed, and the run serves contested scenarios and
-            designed layouts; for a few thousand episodes a second. `columns`: scores are claimed and some logs are audited;
-            for more. `auto`: columns from 256 environments on, if the run's strategy supports them.
+        form: Form of the reports. `groups`: the server replays every action log, and serves contested scenarios and designed
+            layouts; up to a few thousand episodes/s. `columns`: the curriculum claims scores, and the server audits some of
+            them; tens of thousands of episodes/s. `auto`: columns from 256 environments on, if the run's strategy supports
+            them.
         lease_groups: Groups of a lease (64; for columns the number of environments, from 64 to 1 024). Of a lease of columns
             only the audited groups move the mastery, and none if more than a tenth of its episodes did not finish.
         group_size: Episodes per scenario (default: the run's).
         purpose: `train`, `probe` (evidence without exploration) or `eval` (evaluation seeds, no effect on the curriculum).
         evaluation: With `purpose="eval"`, id of the evaluation; environments become idle when no scenario is left.
-        ahead: Minimum number of episodes that are kept ready, besides two per environment.
+        ahead: Number of episodes to keep ready, in addition to two per environment.
         buffer: Maximum number of episodes that wait to be submitted.
         max_wait_s: Seconds that a step waits for an episode or for space in the buffer before it raises `CurriculumError`.
-        ttl_s: Lifetime of a lease without renewal, seconds; must be longer than an episode takes. The server offers episodes
+        ttl_s: Lifetime of a lease without renewal, 1 to 86 400 seconds; longer than an episode. The server offers the episodes
             of an expired lease to other clients.
 
-    A forked process cannot use the curriculum: it makes its own with the same `run`.
+    A forked process cannot use the curriculum. It must make one with the same `run`.
 
     Raises:
         CurriculumError: The server does not answer, has no such run, or rejects the request.
@@ -137,7 +138,7 @@ class Curriculum:
         """Starts a server on a free port of this machine, which stops when the curriculum is closed.
 
         Args:
-            db: Database file, which is kept; None for a temporary one.
+            db: Database file; None for a temporary one, which is deleted with the server.
             run: Id of a run in the database; without it a run is created.
             binary: Program to start (default: `SPARRING_BIN`, else the `sparring` that `pip install sparring-server` puts
                 beside this Python, else the one on the path).
@@ -182,9 +183,9 @@ class Curriculum:
         return cls(url, run, settings=settings, **arguments)
 
     def reopen(self, **arguments: Any) -> Curriculum:
-        """Opens the same run once more, for other environments and with other arguments, as `purpose="eval"`.
+        """Opens the same run once more, for other environments and with other arguments, such as `purpose="eval"`.
 
-        The result has this curriculum's `max_wait_s` and `policy_version`, and has to be closed separately.
+        The result has this curriculum's `max_wait_s` and `policy_version`. The caller closes it.
         """
         arguments.setdefault("max_wait_s", self._lease_settings["max_wait_s"])
         curriculum = Curriculum(self.url, self.run, token=self.token or "", **arguments)
@@ -194,7 +195,7 @@ class Curriculum:
         return curriculum
 
     def attach(self, num_envs: int) -> _native.NativeCurriculum:
-        """Returns the compiled curriculum for a batch of environments; the first call decides what form `auto` is."""
+        """Returns the compiled curriculum for a batch of environments; the first call resolves `form="auto"`."""
         self._check_process()
         if self._closed:
             raise CurriculumError("the curriculum is closed: open another one with the same run")
@@ -244,20 +245,20 @@ class Curriculum:
     def stats(self) -> dict[str, Any]:
         """Returns counts of this trainer's episodes by outcome: `finished`, `counted`, `accepted`, `unsent`, `late` …
 
-        `unreachable_s` says for how long the server has been unreachable. docs/reference/python.md lists all keys.
+        `unreachable_s` is the time since the server became unreachable, in seconds. docs/reference/python.md lists all keys.
         """
         self._check_process()
         return {} if self._native is None else dict(json.loads(self._native.stats()))
 
     def mastery(self) -> list[dict[str, Any]]:
-        """Returns for each task its level, mastery with interval, plain success, skill and params in force."""
+        """Returns for each task its level, mastery with interval, success rate, skill and current params."""
         return list(self.request("GET", f"{self._run_path}/mastery")["tasks"])
 
     def metrics(self) -> dict[str, float]:
         """Returns metrics for training curves by name.
 
         Each task has `level` and `mastery` with `mastery_q10` and `mastery_q90` (once placement has found its level),
-        `success`, `score` and `skill` on scenarios as they come, `zero_variance_share`, and `params/…`. `episodes/…` are the
+        `success`, `score` and `skill` on all scenarios, `zero_variance_share`, and `params/…`. `episodes/…` are the
         numbers of `stats()`.
         """
         metrics: dict[str, float] = {}
@@ -289,7 +290,7 @@ class Curriculum:
         return json.loads(self._http.request(method, path, None if body is None else to_json("body", body)))
 
     def wait_for_server(self) -> None:
-        """Waits until the server answers, for at most `max_wait_s`, so that a restart of it ends no training.
+        """Waits until the server answers, for at most `max_wait_s`, so that a training survives a restart of the server.
 
         Raises:
             CurriculumError: The server does not answer in time, or rejects the request.
@@ -303,7 +304,7 @@ class Curriculum:
         """Waits until the results of all complete leases are submitted.
 
         Raises:
-            CurriculumError: They are not submitted in time, or the server refused some.
+            CurriculumError: The results are not submitted in time, or the server refused some.
         """
         self._check_process()
         if self._native is not None:
@@ -317,8 +318,8 @@ class Curriculum:
 
         Raises:
             CurriculumError: Results could not be submitted, or were refused.
-            ValueError: The timeout is invalid. Nothing is closed then, nor after an interrupt: results are submitted by
-                another call, or when the program ends.
+            ValueError: The timeout is invalid. The curriculum stays open then, and after an interrupt. Another call, or the
+                end of the program, submits the results.
         """
         if self._closed or os.getpid() != self._pid:
             return

@@ -27,7 +27,7 @@ def check_modes(form: str, purpose: str) -> None:
     """Checks form and purpose.
 
     Raises:
-        ValueError: One of them is unknown, or they do not go together.
+        ValueError: One of them is unknown, or the form is not valid for the purpose.
     """
     if form not in get_args(Form):
         raise one_of("form", get_args(Form), form)

@@ -31,7 +31,13 @@ class EvaluationResult:
     rows: list[dict[str, Any]]
 
     def mean(self, task: str, metric: str = "skill", part: str = "contested") -> float | None:
-        """Returns the mean of a metric of the evaluated policy; None if it is undefined."""
+        """Returns the mean of a metric of the evaluated policy; None if it is undefined.
+
+        Args:
+            task: Id of the task, or `all` for the mean over all tasks.
+            metric: `score`, `success`, `skill`, `lost`, `fuel_used` or `cvar10`.
+            part: Part of the suite, such as `contested`, or `all`.
+        """
         for row in self.rows:
             if (row["task"], row["part"]) == (task, part) and row["policy"] != BLIND_PANEL and row.get(metric):
                 mean: float | None = row[metric]["mean"]
@@ -62,12 +68,12 @@ def evaluate(
         curriculum: Curriculum of the run; its `policy_version` is evaluated.
         act: Function from the observations of all environments to their actions.
         suite: Name of a suite of the server (default: the newest with a task of the run; `GET /v1/suites` lists all).
-        tasks: Tasks of the suite to evaluate (default: those of the run). Their agents must be alike, as in kessler.
+        tasks: Tasks of the suite to evaluate (default: those of the run). They must have equal agents, as those of kessler have.
         policy: Name of the policy; not `blind_panel`.
         rollouts: Episodes per scenario (1; 8 if `stochastic`).
         stochastic: True if the policy samples its actions.
-        training: Common name of all trainings of one kind.
-        training_seed: Seed of this training among those.
+        training: Name that all trainings with the same settings share, to pool their evaluations.
+        training_seed: Seed of this training.
         num_envs: Number of environments.
         progress: Called with the number of finished episodes and their total.
         environment: Arguments of `sparring.make_vec` for observations and actions.

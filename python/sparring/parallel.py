@@ -19,7 +19,7 @@ from .settings import Actions, Axes, Observation, ObservationLayout, Settings, a
 
 try:
     from pettingzoo import ParallelEnv
-except ImportError:  # optional dependency; the constructor says how to install it
+except ImportError:  # optional dependency; the error of the constructor has the command that installs it
     ParallelEnv = object
 
 

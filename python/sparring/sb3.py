@@ -32,7 +32,7 @@ from .vector import VectorEnvironment, make_vec
 def vec_env(num_envs: int, task: str | None = None, *, curriculum: Curriculum | None = None, **environment: Any) -> AgentsVecEnv:
     """Makes environments for Stable-Baselines3 with one row per agent, so that one policy controls all agents.
 
-    A deputy of docking gets its own reward, a satellite of kessler the team's.
+    Each deputy of docking has its own reward. Each satellite of kessler has the team's reward.
 
     Args:
         num_envs: Number of environments; `envs.num_envs` is this times the number of agents.
@@ -243,11 +243,14 @@ class ActiveRolloutBuffer(RolloutBuffer):
 
 
 class CurriculumCallback(BaseCallback):
-    """Increments the policy version with every rollout, and logs the curriculum's metrics beside the learner's.
+    """Increments the policy version with every rollout, and logs the curriculum's metrics with the learner's.
 
     Args:
         curriculum: Curriculum of the environments.
-        every: Number of rollouts between two logs.
+        every: Number of rollouts between two logs, >= 1.
+
+    Raises:
+        ValueError: `every` is no integer >= 1.
     """
 
     def __init__(self, curriculum: Curriculum, every: int = 5) -> None:

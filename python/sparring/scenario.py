@@ -190,7 +190,7 @@ class Bracket:
 
 
 def bracket(scenario: Scenario) -> Bracket:
-    """Computes floor and reference of a scenario, in about a millisecond or a few.
+    """Computes floor and reference of a scenario, which takes some milliseconds.
 
     Raises:
         ValueError: The scenario has no fair start.
@@ -235,7 +235,7 @@ def replay(scenario: Scenario, actions: npt.ArrayLike, stopped: str | None = Non
 
 
 def critique(scenario: Scenario, actions: npt.ArrayLike, stopped: str | None = None) -> dict[str, Any]:
-    """Criticises an episode from its actions.
+    """Analyses the failures of an episode, and the effect of each action.
 
     Args:
         scenario: Scenario of the episode.
@@ -243,8 +243,8 @@ def critique(scenario: Scenario, actions: npt.ArrayLike, stopped: str | None = N
         stopped: As for `replay`.
 
     Returns:
-        A dict with `failures` and their geometry, `actions` with a verdict on each, and `assessment`, the deterministic
-        judge's value from -1 to 1.
+        A dict with `failures` and their geometry, `actions` with a verdict on each, and `assessment`, the value of the
+        deterministic judge from -1 to 1.
 
     Raises:
         ValueError: As for `replay`.

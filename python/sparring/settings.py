@@ -161,7 +161,7 @@ def _check_count(name: str, value: Any, minimum: int) -> None:
 
 
 def _choose_task(curriculum: Curriculum, task: str | None) -> str:
-    """Returns the task that stands for all tasks of a run, whose agents must be alike."""
+    """Returns a task that represents all tasks of a run, which must have equal agents."""
     tasks = curriculum.tasks
     listed = ", ".join(tasks)
     worlds = {id.split("/")[0] for id in tasks}

@@ -55,14 +55,15 @@ class Environment(gymnasium.Env[Any, Any]):
 
     ## Starting state
 
-    The generator draws it from params and seed, or a `layout` sets it. In kessler it is fair unless `physics` says otherwise.
+    The generator draws it from params and seed, or a `layout` sets it. In kessler it is fair, unless a physics option
+    disables this.
 
     ## Episode end
 
     | | kessler | docking |
     |---|---|---|
-    | terminated | no satellite is left | every deputy docked, crashed, left, collided, was too fast or ran out of time |
-    | truncated | at step 50, with satellites left | a deputy ran out of time, which the task punishes: both flags are set |
+    | terminated | no satellite is left | every deputy docked, crashed, left the area, collided, was too fast or timed out |
+    | truncated | at step 50, with satellites left | a deputy ran out of time, which has a penalty: both flags are set |
 
     ## Infos
 

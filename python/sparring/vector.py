@@ -34,9 +34,9 @@ class AgentResults(NamedTuple):
     """Results of a step by agent, envs × agents."""
 
     rewards: npt.NDArray[np.float32]
-    #: True for agents that left by the rules of the task.
+    #: True for agents that terminated by the rules of the task.
     terminations: npt.NDArray[np.bool_]
-    #: True for agents that the horizon cut off.
+    #: True for agents that the horizon truncated.
     truncations: npt.NDArray[np.bool_]
 
 
@@ -44,8 +44,8 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
     """Environments of one task, stepped together on compiled threads with the interpreter lock released.
 
     Returned arrays are written in place and belong to the caller: an array is reused only once no caller holds it or a view
-    of it. Environment k of a batch that was reset with seed s runs the same episodes as a single `sparring.Environment` that
-    was reset with seed s + k.
+    of it. After a reset with seed s, environment k runs the same episodes as a single `sparring.Environment` after a reset with
+    seed s + k.
 
     Use `sparring.make_vec`, which documents the arguments.
     """
@@ -259,7 +259,7 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
 
     @property
     def idle(self) -> npt.NDArray[np.bool_]:
-        """With a curriculum: environments for which no episode is left; their rows are zeros."""
+        """With a curriculum: True for environments for which no episode is left; their rows are zeros."""
         return self._native.curriculum_info()[2]
 
     def close_extras(self, **_: Any) -> None:

@@ -37,9 +37,9 @@ def _option(default: Any, help: str) -> Any:
 class Config:
     """Hyperparameters of a training."""
 
-    task: str | None = _option(None, "task (default: kessler/survival, or the tasks of the curriculum's run)")
-    level: int | None = _option(None, "level, 0 to 9, without a curriculum")
-    steps: int = _option(300_000, "total environment steps; a step of an environment counts once, whatever its number of agents")
+    task: str | None = _option(None, "id of a task (default: kessler/survival, or the tasks of the run)")
+    level: int | None = _option(None, "level, 0 to 9, if there is no curriculum (default: the default params)")
+    steps: int = _option(300_000, "total env-steps; a step of an environment counts once, for any number of agents")
     num_envs: int = _option(64, "number of environments")
     rollout: int = _option(50, "steps of each environment per update; 50 is an episode of kessler")
     threads: int = _option(1, "threads of environments and of torch")

@@ -123,7 +123,7 @@ class _TrainingLog:
         return {f"curriculum/{name}": value for name, value in metrics.items()}
 
     def close(self) -> None:
-        """Saves the policy and the metrics, however the training ended."""
+        """Saves the policy and the metrics, also after an error or an interrupt."""
         if self._args.save and self._policy:
             self._policy.save(self._args.save)
         if self._writer:

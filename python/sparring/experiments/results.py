@@ -124,7 +124,7 @@ def check_dependencies() -> None:
 def interquartile(values: npt.NDArray[np.float64]) -> Interval:
     """Returns the interquartile mean of an array of trainings × tasks, with its interval.
 
-    With fewer than four trainings nothing is trimmed, and the interval says little.
+    With fewer than four trainings no value is trimmed, and the interval is wide or meaningless.
     """
     from rliable import library, metrics
 

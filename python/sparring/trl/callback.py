@@ -22,8 +22,8 @@ class CurriculumCallback(TrainerCallback):
     """Increments the policy version with the trainer's steps, and logs the curriculum's metrics with the trainer's.
 
     The trainer's log gets `curriculum/…`: mastery, level, params, skill and the share of zero-variance groups. With
-    `report_to="tensorboard"` they are also a run `curriculum` beside the trainer's own. Callbacks of `report_to` are called
-    before this one; for others, as Weights & Biases, use `report_to="none"` and
+    `report_to="tensorboard"` they are also a run `curriculum` in addition to the trainer's own. The trainer calls the callbacks
+    of `report_to` before this one. For other trackers, such as Weights & Biases, use `report_to="none"` and
     `callbacks=[CurriculumCallback(envs), WandbCallback()]`.
 
     Args:

@@ -33,8 +33,9 @@ class EnvironmentFactory:
     Args:
         curriculum: Curriculum of a run with tasks of kessler.
         group_size: `num_generations` of the trainer.
-        reward: Result of `get_reward`: the episode's `score`, or its `skill`, which is 0 for acting blindly, 1 for a planner
-            that knows the scenario, and 0 if nothing can be gained. Both order the members of a group in the same way.
+        reward: Result of `get_reward`: the `score` or the `skill` of the episode. Skill is 0 for the best plan without
+            observations and 1 for a planner that knows the scenario. It is 0 if the two have almost equal scores. Both rewards
+            order the members of a group in the same way.
         max_debris: Pieces of debris per satellite that are described after an action. A piece takes about 35 tokens of
             `max_completion_length`.
         lease_groups: Groups of a lease. A smaller number follows the curriculum more closely.
@@ -114,7 +115,7 @@ class EnvironmentFactory:
         """Waits until all results are submitted.
 
         Raises:
-            CurriculumError: They are not submitted in time, or the server refused some.
+            CurriculumError: The results are not submitted in time, or the server refused some.
         """
         self._group_curriculum.flush(timeout_s)
 

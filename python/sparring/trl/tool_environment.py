@@ -106,7 +106,7 @@ class ToolEnvironment:
     def get_reward(self) -> float:
         """Holds for the remaining steps, so that a short answer has no advantage, and returns the reward of the episode.
 
-        The reward is 0 for all members of a group that the curriculum only measures, so that nothing is learned from it.
+        The reward is 0 for all members of a group that the curriculum only measures, so that the model does not learn from it.
         """
         environment = self._running()
         while not self._over:

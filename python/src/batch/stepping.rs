@@ -56,5 +56,7 @@ impl NativeBatch {
 }
 
 fn closed() -> StepError {
-    StepError::Curriculum(WaitError::Failed("these environments are closed".to_owned()))
+    StepError::Curriculum(WaitError::Failed(
+        "the environments are closed: make others to continue".to_owned(),
+    ))
 }

@@ -141,7 +141,8 @@ fn read_response(
         Ok(value) => Ok(value),
         Err(_) if text.is_empty() => Ok(Value::Null),
         Err(error) => {
-            let message = format!("the response is not JSON: {error}");
+            let message =
+                format!("the response is not JSON: {error}; check that the URL is that of a sparring server");
             Err(RequestError::Rejected { status, field: None, kind: None, message })
         }
     }

@@ -108,8 +108,9 @@ impl LeaseEpisodes {
     /// Returns a message if the response is malformed, has a recipe that this version does not support, or has evaluation
     /// seeds although `evaluation` is false.
     pub(super) fn read(response: Value, ttl: Duration, evaluation: bool) -> Result<Self, String> {
-        let response: LeaseResponse =
-            serde_json::from_value(response).map_err(|error| format!("malformed lease: {error}"))?;
+        let response: LeaseResponse = serde_json::from_value(response).map_err(|error| {
+            format!("the server sent a lease that this version of sparring cannot read: {error}")
+        })?;
         let ranges = read_ranges(&response)?;
         // A policy that trains on held-out scenarios invalidates its evaluations; no server grants such a lease.
         let is_held_out = |range: &SeedRange| {
