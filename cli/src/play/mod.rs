@@ -23,6 +23,7 @@ use anyhow::{Context, bail};
 use clap::ValueEnum;
 use clap::builder::PossibleValuesParser;
 use env_core::{SEED_REQUIREMENT, Seed};
+use secrecy::ExposeSecret;
 use tokio::sync::watch;
 
 use self::episode::{EpisodeJob, EpisodeResult};
@@ -55,6 +56,9 @@ pub struct Args {
         default_value = "http://127.0.0.1:8700"
     )]
     env_url: String,
+    /// Environment variable with the token of the OpenEnv server; a token itself is never an argument [default: no token]
+    #[arg(long, value_name = "VARIABLE")]
+    env_token_env: Option<String>,
     /// Task to run: survival, eco_station, rendezvous, or an id such as docking/single; repeat the flag for several
     /// [default: those three]
     #[arg(long = "task", value_name = "TASK", value_parser = OpenEnvTask::parse)]
@@ -181,7 +185,13 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 }
 
 async fn play(args: &Args) -> anyhow::Result<ExitCode> {
-    let address = ServerAddress::parse(&args.env_url).context("--env-url")?;
+    let mut address = ServerAddress::parse(&args.env_url).context("--env-url")?;
+    if let Some(variable) = &args.env_token_env {
+        let Some(token) = llm_args::read_key(&[variable], |name| std::env::var(name))? else {
+            bail!("--env-token-env {variable}: the variable is not set or is empty");
+        };
+        address = address.with_token(token.expose_secret()).context("--env-token-env")?;
+    }
     let mut tasks: Vec<OpenEnvTask> = Vec::new();
     for task in if args.tasks.is_empty() { OpenEnvTask::default_tasks() } else { args.tasks.clone() } {
         if !tasks.iter().any(|known| known.spec.id() == task.spec.id()) {

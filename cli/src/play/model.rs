@@ -19,8 +19,8 @@ pub(super) fn endpoint(args: &Args) -> anyhow::Result<LlmClient> {
 }
 
 fn config(args: &Args, read: impl Fn(&str) -> Result<String, VarError>) -> anyhow::Result<LlmConfig> {
-    let missing = "no model is named: give --api-base-url and --model (or API_BASE_URL and MODEL_NAME), or fly a built-in \
-                   policy by --policy";
+    let missing = "no model is named: give --api-base-url and --model (or API_BASE_URL and MODEL_NAME), or run a built-in \
+                   policy with --policy";
     let (Some(url), Some(model)) = (&args.api_base_url, &args.model) else { bail!(missing) };
     let mut config = LlmConfig::new(url, model, llm_args::wall_clock(&Clock::system()));
     let named = args.key_env.as_deref();

@@ -10,6 +10,9 @@ use llm::{sanitize_line, tls_config};
 use reqwest::Url;
 use serde_json::{Value, json};
 use tokio::net::TcpStream;
+use tokio_tungstenite::tungstenite::client::IntoClientRequest;
+use tokio_tungstenite::tungstenite::handshake::client::Request;
+use tokio_tungstenite::tungstenite::http::{HeaderValue, StatusCode, header::AUTHORIZATION};
 use tokio_tungstenite::tungstenite::{self, Message, protocol::WebSocketConfig};
 use tokio_tungstenite::{Connector, MaybeTlsStream, WebSocketStream, connect_async_tls_with_config};
 
@@ -28,6 +31,8 @@ pub(super) struct ServerAddress {
     base: Url,
     socket: Url,
     tls: Connector,
+    /// Header `Authorization`, marked as sensitive.
+    authorization: Option<HeaderValue>,
 }
 
 impl fmt::Debug for ServerAddress {
@@ -86,7 +91,27 @@ impl ServerAddress {
         } else {
             Connector::Plain
         };
-        Ok(Self { base, socket, tls })
+        Ok(Self { base, socket, tls, authorization: None })
+    }
+
+    /// Sends this token when a session is opened.
+    ///
+    /// # Errors
+    /// Returns an error if the token has characters that a header cannot have.
+    pub(super) fn with_token(mut self, token: &str) -> anyhow::Result<Self> {
+        let mut value = HeaderValue::from_str(&format!("Bearer {token}"))
+            .map_err(|_| anyhow::anyhow!("the token has characters that a header cannot have"))?;
+        value.set_sensitive(true);
+        self.authorization = Some(value);
+        Ok(self)
+    }
+
+    fn request(&self) -> Result<Request, tungstenite::Error> {
+        let mut request = self.socket.as_str().into_client_request()?;
+        if let Some(value) = &self.authorization {
+            request.headers_mut().insert(AUTHORIZATION, value.clone());
+        }
+        Ok(request)
     }
 }
 
@@ -106,14 +131,14 @@ impl Session {
         let config = WebSocketConfig::default()
             .max_message_size(Some(MAX_MESSAGE_BYTES))
             .max_frame_size(Some(MAX_MESSAGE_BYTES));
-        let opening = connect_async_tls_with_config(
-            address.socket.as_str(),
-            Some(config),
-            true,
-            Some(address.tls.clone()),
-        );
+        let request = address.request().map_err(|error| fault(error.to_string()))?;
+        let opening = connect_async_tls_with_config(request, Some(config), true, Some(address.tls.clone()));
         match tokio::time::timeout(timeout, opening).await {
             Ok(Ok((socket, _))) => Ok(Self { socket, timeout }),
+            Ok(Err(tungstenite::Error::Http(response))) if response.status() == StatusCode::UNAUTHORIZED => {
+                let remedy = "name the environment variable that has a valid token with --env-token-env";
+                Err(fault(format!("the server requires a token; {remedy}")))
+            }
             Ok(Err(error)) => Err(fault(error.to_string())),
             Err(_) => Err(fault(format!("no answer within {} s", timeout.as_secs()))),
         }

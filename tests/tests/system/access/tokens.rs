@@ -1,17 +1,40 @@
 //! Creation, expiry and revocation of tokens, the audit log, and open connections of a revoked token.
 
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 use futures_util::SinkExt;
 use orchestrator::service::Config;
 use serde_json::{Value, json};
-use system_tests::{ApiClient, ServerProcess, wait_until};
+use system_tests::{ApiClient, ServerProcess, sparring_binary, wait_until};
 use tokio_tungstenite::tungstenite::Message;
 
 use super::{connect, create_token, next_message, run_sparring, start_with_tokens};
 
 async fn wait_until_rejected(api: &ApiClient) {
     wait_until("the server rejects the token", async || api.get("/v1/runs").await.status == 401).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn play_sends_the_token_of_the_named_variable() {
+    let (server, tokens) = start_with_tokens(|config| config).await;
+    let url = server.api().base().to_owned();
+    let trainer = tokens["trainer"].clone();
+    let play = async |arguments: &str| {
+        let mut command = Command::new(sparring_binary());
+        let line = format!("play --env-url {url} --policy hold --task survival {arguments}");
+        command.args(line.split_whitespace()).env("ENV_TOKEN", &trainer).env("EMPTY", "");
+        let out = tokio::task::spawn_blocking(move || command.output().unwrap()).await.unwrap();
+        (out.status.code(), String::from_utf8(out.stderr).unwrap())
+    };
+    assert_eq!(play("--env-token-env ENV_TOKEN").await.0, Some(0));
+    let (code, stderr) = play("").await;
+    assert!(
+        code == Some(2) && stderr.contains("requires a token; name the environment variable"),
+        "{stderr}"
+    );
+    let (code, stderr) = play("--env-token-env EMPTY").await;
+    assert!(code == Some(2) && stderr.contains("is not set or is empty"), "{stderr}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -135,7 +158,7 @@ async fn revoked_token_loses_its_connections() {
     let resume = json!({"type": "resume", "session": key});
     other.send(Message::text(resume.to_string())).await.unwrap();
     let reply = next_message(&mut other).await;
-    assert!(reply["type"] == "error" && reply.to_string().contains("no such session"), "{reply}");
+    assert!(reply["type"] == "error" && reply.to_string().contains("the session does not exist"), "{reply}");
 
     let db = server.db_path();
     let number = tokens["trainer"].split('_').nth(1).unwrap().to_owned();
