@@ -98,7 +98,6 @@ fn bad_arguments_are_usage_errors() {
         "sparring design --run a --profile b.json",
         "sparring design --layouts a.json --level 3",
         "sparring design --layouts a.json --dry-run",
-        "sparring design --url http://127.0.0.1:8700",
         "sparring design --param fuel",
         "sparring design --n 0",
         "sparring replay",

@@ -18,7 +18,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use anyhow::{anyhow, ensure};
+use anyhow::{Context, anyhow, ensure};
 use designer::procedural::ProceduralDesigner;
 use designer::{DesignBrief, DesignLanguage, DesignOutcome, Designer, Gate, design_language};
 use indicatif::ProgressBar;
@@ -27,6 +27,7 @@ use tokio::runtime::Runtime;
 use self::brief::RunSnapshot;
 use self::design_report::{DesignReport, LayoutResult};
 use self::designers::DesignerKind;
+use super::api::{ApiClient, Connection, ServerArgs};
 use super::llm_args::LlmArgs;
 use super::names;
 use super::options::{self, ChosenOption};
@@ -50,9 +51,8 @@ pub struct Args {
     /// Run whose failures to design for, by id, prefix or name; it also sets the defaults of task, level, params and physics
     #[arg(long, value_name = "RUN", conflicts_with_all = ["profile", "layouts"])]
     run: Option<String>,
-    /// Base URL of the service that has the run
-    #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:8700", requires = "run")]
-    url: String,
+    #[command(flatten)]
+    server: ServerArgs,
     /// File with a failure profile: a saved response of GET /v1/runs/{run}/failure_profiles, or one task of it
     #[arg(long, value_name = "FILE", conflicts_with = "layouts")]
     profile: Option<PathBuf>,
@@ -187,17 +187,26 @@ fn design_layouts(args: &Args) -> anyhow::Result<DesignReport> {
 }
 
 fn runtime() -> anyhow::Result<Runtime> {
-    Ok(tokio::runtime::Builder::new_current_thread().enable_all().build()?)
+    Ok(tokio::runtime::Builder::new_multi_thread().enable_all().build()?)
 }
 
 /// Builds the brief from the arguments, and from the service if `--run` is given.
 fn build_brief(args: &Args, runtime: &Runtime) -> anyhow::Result<DesignBrief> {
     let Some(run) = &args.run else { return brief::build(args, RunSnapshot::default()) };
-    let snapshot = runtime.block_on(service::fetch_run(&args.url, run))?;
+    runtime.block_on(async {
+        let connection = Connection::open(&args.server).await.context("--run")?;
+        let brief = brief_for_run(args, &connection.api, run).await;
+        connection.close().await;
+        brief
+    })
+}
+
+async fn brief_for_run(args: &Args, api: &ApiClient, run: &str) -> anyhow::Result<DesignBrief> {
+    let snapshot = service::fetch_run(api, run).await?;
     let run = snapshot.run.clone().unwrap_or_default();
     let mut brief = brief::build(args, snapshot)?;
     let task = brief.recipe.task().id();
-    brief.past_layouts = runtime.block_on(service::past_layouts(&args.url, &run, task))?;
+    brief.past_layouts = service::past_layouts(api, &run, task).await?;
     Ok(brief)
 }
 

@@ -21,8 +21,7 @@ const MAX_PAST_LAYOUTS: usize = 24;
 ///
 /// # Errors
 /// Returns the errors of [`fetch_run`].
-pub(super) async fn past_layouts(url: &str, run: &str, task: &str) -> anyhow::Result<Vec<PastLayout>> {
-    let api = ApiClient::new(url)?;
+pub(super) async fn past_layouts(api: &ApiClient, run: &str, task: &str) -> anyhow::Result<Vec<PastLayout>> {
     let page: DesignPage =
         api.get(&format!("/v1/runs/{run}/designs?task={task}&limit={MAX_LISTED_DESIGNS}")).await?;
     let mut past = Vec::new();
@@ -52,9 +51,8 @@ pub(super) async fn past_layouts(url: &str, run: &str, task: &str) -> anyhow::Re
 /// # Errors
 /// Returns an error if the service cannot be reached, has no such run, or sends an unexpected response. The message says how
 /// to fix it.
-pub(super) async fn fetch_run(url: &str, run: &str) -> anyhow::Result<RunSnapshot> {
-    let api = ApiClient::new(url)?;
-    let summary = find_run(&api, Some(run)).await.context("--run")?;
+pub(super) async fn fetch_run(api: &ApiClient, run: &str) -> anyhow::Result<RunSnapshot> {
+    let summary = find_run(api, Some(run)).await.context("--run")?;
     let run = summary.id;
     let settings: RunSettings =
         serde_json::from_value(summary.settings).context("the settings of the run")?;
