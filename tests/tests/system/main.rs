@@ -26,6 +26,7 @@ mod openenv;
 mod openenv_clients;
 mod physics;
 mod play;
+mod printed_commands;
 mod python_stubs;
 mod report;
 mod restart;
