@@ -136,6 +136,8 @@ def before_call(context, case, kwargs):
         for name in case.path_parameters:
             ids = ["spare"] if spare and name == "run" else resources[name]
             case.path_parameters[name] = ids[turn % len(ids)]
+    if spare and (case.path_parameters or {}).get("run") == "real":  # a generated id, which responses may have suggested
+        case.path_parameters["run"] = "spare"
     wait = (case.query or {}).get("wait_s")
     if isinstance(wait, int) and MAX_WAIT_S < wait <= 60:
         case.query["wait_s"] = MAX_WAIT_S

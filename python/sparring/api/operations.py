@@ -29,7 +29,7 @@ def _segment(text: str) -> str:
 
 
 class Access:
-    """Log of the requests that changed something, and of refused ones."""
+    """Audit log: changes by API requests, and denied requests."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
@@ -37,9 +37,7 @@ class Access:
     def list_audit_log(
         self, *, denied: bool | None = None, limit: int | None = None, cursor: str | None = None
     ) -> types.AuditLogPage:
-        """List changes by API requests, or denied requests (401, 403) with `denied=true`, newest first. Of denied requests the
-        server logs at most one a second for each address, and ten a second in all. It keeps the newest 100 000 changes and
-        20 000 denied requests.
+        """List the entries of the audit log, newest first.
 
         Args:
             denied: True for denied requests, false for changes (default false).
@@ -65,7 +63,7 @@ class Curriculum:
 
 
 class Designs:
-    """Layouts that are designed for the agent's failures, and requests for more."""
+    """Layouts that aim at the agent's failures, and design requests."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
@@ -113,8 +111,7 @@ class Designs:
         limit: int | None = None,
         cursor: str | None = None,
     ) -> types.DesignPage:
-        """List the designs of a run, newest first: active and retired layouts, and designs that the gate refused. At most 64
-        refused designs of a request are kept; the request and the statistics count all of them.
+        """List the designs of a run, newest first: active and retired layouts, and designs that the gate refused.
 
         Args:
             task: Id of the task.
@@ -134,9 +131,7 @@ class Designs:
         return response
 
     def create_design_request(self, run: str, **body: Unpack[types.CreateDesignRequest]) -> types.DesignRequestSummary:
-        """Request layouts from a designer that aim at the agent's failures. The server responds at once and designs in the
-        background; the `state` of the request shows its progress.
-        """
+        """Create a design request: a designer makes layouts that aim at the agent's failures."""
         response: types.DesignRequestSummary = self._send(
             "POST", f"/v1/runs/{_segment(run)}/designs", {}, body, is_repeatable=False
         )
@@ -145,7 +140,7 @@ class Designs:
     def list_design_requests(
         self, run: str, *, task: str | None = None, state: str | None = None, limit: int | None = None, cursor: str | None = None
     ) -> types.DesignRequestPage:
-        """List the requests to designers of a run, newest first.
+        """List the design requests of a run, newest first.
 
         Args:
             task: Id of the task.
@@ -163,14 +158,14 @@ class Designs:
         return response
 
     def get_design_request(self, run: str, request: str) -> types.DesignRequest:
-        """Get a request to a designer with the failure profile that it is based on."""
+        """Get a design request with the failure profile that it is based on."""
         response: types.DesignRequest = self._send(
             "GET", f"/v1/runs/{_segment(run)}/designs/requests/{_segment(request)}", {}, None, is_repeatable=True
         )
         return response
 
     def get_design_statistics(self, run: str) -> types.DesignStatistics:
-        """Get the numbers of a run's designs: by state, by check of the gate, and their share of training."""
+        """Get statistics of a run's designs: by state, by check of the gate, and their share of training."""
         response: types.DesignStatistics = self._send(
             "GET", f"/v1/runs/{_segment(run)}/designs/statistics", {}, None, is_repeatable=True
         )
@@ -184,16 +179,14 @@ class Designs:
         return response
 
     def retire(self, run: str, design: str) -> types.DesignSummary:
-        """Retire a layout, so that it is not served again. Leased groups of it are not affected."""
+        """Retire a layout."""
         response: types.DesignSummary = self._send(
             "POST", f"/v1/runs/{_segment(run)}/designs/{_segment(design)}/retire", {}, None, is_repeatable=True
         )
         return response
 
     def revive(self, run: str, design: str) -> types.DesignSummary:
-        """Restore a retired layout, whatever the reason of its retirement. It is served again, and the outcomes behind its
-        retirement are reset.
-        """
+        """Restore a retired layout, for any reason of its retirement."""
         response: types.DesignSummary = self._send(
             "POST", f"/v1/runs/{_segment(run)}/designs/{_segment(design)}/revive", {}, None, is_repeatable=True
         )
@@ -237,15 +230,14 @@ class Episodes:
         limit: int | None = None,
         cursor: str | None = None,
     ) -> types.EpisodePage:
-        """Search for reported episodes that are kept complete. `GET …/episodes` lists all episodes, oldest first. An order by
-        score or skill leaves out episodes without one.
+        """Search for reported episodes that the run keeps complete.
 
         Args:
             task: Id of the task.
             level: Level of the scenario.
             state: State of the episode.
             success: True for successful episodes, false for the others.
-            mode: Failure mode of the episode, among the episodes that are kept as its examples.
+            mode: Failure mode. Only episodes that the failure profile keeps as examples of it are found.
             role: Role of the group.
             layout: Id of the layout.
             policy_version: Policy version that ran the episode.
@@ -319,15 +311,12 @@ class Evaluations:
         return response
 
     def create(self, **body: Unpack[types.EvaluationRequest]) -> types.EvaluationSummary:
-        """Create an evaluation on a frozen suite. Without `run` the server runs a built-in policy. With `run` its trainer
-        leases the scenarios (`purpose: eval`, `evaluation`: this id) and reports results until none is left. Evaluation
-        seeds are never used for training.
-        """
+        """Create an evaluation on a frozen suite."""
         response: types.EvaluationSummary = self._send("POST", "/v1/evaluations", {}, body, is_repeatable=False)
         return response
 
     def compare(self, *, a: str, b: str) -> types.Comparison:
-        """Compare evaluations of one suite: paired by scenario, and across trainings if a side has several.
+        """Compare two sides of evaluations of one suite.
 
         Args:
             a: Ids of evaluations, separated by commas: trainings that differ by their seed.
@@ -342,9 +331,7 @@ class Evaluations:
         return response
 
     def cancel(self, evaluation: str) -> types.EvaluationSummary:
-        """Cancel an evaluation. It becomes `failed` and grants no more leases; its results so far remain. A complete
-        evaluation cannot be cancelled (409). Cancelling a failed one changes nothing.
-        """
+        """Cancel an evaluation."""
         response: types.EvaluationSummary = self._send(
             "POST", f"/v1/evaluations/{_segment(evaluation)}/cancel", {}, None, is_repeatable=True
         )
@@ -375,24 +362,20 @@ class Evaluations:
 
 
 class Failures:
-    """Reasons why episodes lose score: critiques, and the failure profile of a run."""
+    """Failures of episodes: critiques, and the failure profiles of a run."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
 
     def get_episode_critique(self, run: str, episode: str) -> types.EpisodeCritique:
-        """Get the critique of an episode: why it lost score and what its actions were worth. The server computes it from the
-        stored actions on each request; it does not affect the curriculum.
-        """
+        """Get the critique of an episode: its failures and a verdict on each action."""
         response: types.EpisodeCritique = self._send(
             "GET", f"/v1/runs/{_segment(run)}/episodes/{_segment(episode)}/critique", {}, None, is_repeatable=True
         )
         return response
 
     def get_failure_profiles(self, run: str, *, task: str | None = None, examples: int | None = None) -> types.FailureProfiles:
-        """Get the failure profiles of a run's tasks: failure modes by bearing and relative speed, values of actions, and their
-        trends. They count the finished episodes of training and probes, some time after the acknowledgement of results.
-        Late results and evaluations do not count.
+        """Get the failure profiles of a run's tasks.
 
         Args:
             task: Id of the only task to return.
@@ -415,7 +398,7 @@ class Failures:
         limit: int | None = None,
         cursor: str | None = None,
     ) -> types.FailurePage:
-        """List the failures behind a profile, newest first: those of a task, or of one of its modes, sectors, bands or cells.
+        """List the failures of a failure profile, newest first.
 
         Args:
             task: Id of the task.
@@ -436,7 +419,7 @@ class Failures:
 
 
 class Leases:
-    """Groups of scenarios that a trainer holds for a limited time."""
+    """Groups of scenarios that a trainer may run until a deadline."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
@@ -454,25 +437,19 @@ class Leases:
         return response
 
     def create(self, run: str, **body: Unpack[types.LeaseRequest]) -> types.Lease:
-        """Create a lease of groups of scenarios. If scenarios are still being prepared, the server waits a while and then
-        returns 503.
-        """
+        """Create a lease of groups of scenarios."""
         response: types.Lease = self._send("POST", f"/v1/runs/{_segment(run)}/leases", {}, body, is_repeatable=False)
         return response
 
     def get(self, run: str, lease: str) -> types.Lease:
-        """Get a lease with its groups. Of a lease that the run no longer keeps complete, only groups remain that a level move,
-        a layout or an example of a failure depends on.
-        """
+        """Get a lease with its groups."""
         response: types.Lease = self._send(
             "GET", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}", {}, None, is_repeatable=True
         )
         return response
 
     def release(self, run: str, lease: str) -> types.LeaseSummary:
-        """Release a lease. Scenarios of groups with too few finished episodes return to the queue. A release of an ended lease
-        changes nothing.
-        """
+        """Release a lease."""
         response: types.LeaseSummary = self._send(
             "POST", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}/release", {}, None, is_repeatable=True
         )
@@ -505,20 +482,19 @@ class Mastery:
         return response
 
     def get(self, run: str) -> types.RunMastery:
-        """Get the current mastery of all tasks."""
+        """Get the current mastery of all tasks of a run."""
         response: types.RunMastery = self._send("GET", f"/v1/runs/{_segment(run)}/mastery", {}, None, is_repeatable=True)
         return response
 
     def get_params(self, run: str) -> types.RunParams:
-        """Get the params in force, by task."""
+        """Get the current params of a run, by task."""
         response: types.RunParams = self._send("GET", f"/v1/runs/{_segment(run)}/params", {}, None, is_repeatable=True)
         return response
 
     def get_series(
         self, run: str, *, from_: str | None = None, to: str | None = None, points: int | None = None
     ) -> types.RunSeries:
-        """Get the time series of a run: success, skill, mastery, levels and params of each task. A point is a bucket of time
-        with results: at least a minute wide in the last week, an hour before.
+        """Get the time series of a run: success, skill, mastery, levels and params of each task.
 
         Args:
             from_: Start of the window, RFC 3339 (default: start of the run).
@@ -545,26 +521,21 @@ class Results:
         return response
 
     def claim_columns(self, run: str, lease: str, **body: Unpack[types.ColumnsRequest]) -> types.ColumnClaim:
-        """Claim the results of all episodes of a lease of columns. The response is sent after the commit and lists the audited
-        groups. Their logs are due as results before the lease expires. The claim is accepted if every replay agrees with
-        it, and refused as a whole otherwise. A repeated claim returns the same response.
-        """
+        """Claim the results of all episodes of a lease of columns."""
         response: types.ColumnClaim = self._send(
             "POST", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}/columns", {}, body, is_repeatable=True
         )
         return response
 
     def get_claimed_columns(self, run: str, lease: str) -> types.ClaimedColumns:
-        """Get the columns of a lease as they were claimed, whether accepted or not."""
+        """Get the claimed columns of a lease, whether accepted or not."""
         response: types.ClaimedColumns = self._send(
             "GET", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}/columns/entries", {}, None, is_repeatable=True
         )
         return response
 
     def report(self, run: str, **body: Unpack[types.ResultsRequest]) -> types.ResultsResponse:
-        """Report results of episodes. A repeated result returns the same receipt and counts once. Each result has its own
-        receipt; a refused one does not affect the others. The response is sent after the commit.
-        """
+        """Report results of episodes."""
         response: types.ResultsResponse = self._send("POST", f"/v1/runs/{_segment(run)}/results", {}, body, is_repeatable=True)
         return response
 
@@ -589,7 +560,7 @@ class Runs:
         return response
 
     def create(self, **body: Unpack[types.RunRequest]) -> types.RunSummary:
-        """Create a run. All fields are optional: `{}` creates a ladder over the tasks of the first world."""
+        """Create a run."""
         response: types.RunSummary = self._send("POST", "/v1/runs", {}, body, is_repeatable=False)
         return response
 
@@ -599,15 +570,12 @@ class Runs:
         return response
 
     def update(self, run: str, **body: Unpack[types.RunUpdate]) -> types.RunSummary:
-        """Update the settings of a run. Fields that are left out keep their values. A task keeps its level and mastery unless
-        its level table or physics change. Under another strategy it keeps its mastery, and the strategy starts anew.
-        Results of existing leases are still accepted.
-        """
+        """Update the settings of a run."""
         response: types.RunSummary = self._send("PATCH", f"/v1/runs/{_segment(run)}", {}, body, is_repeatable=True)
         return response
 
     def archive(self, run: str) -> types.RunSummary:
-        """Archive a run. It is paused, and lists leave it out unless `archived=true`. A resume restores it."""
+        """Archive a run."""
         response: types.RunSummary = self._send("POST", f"/v1/runs/{_segment(run)}/archive", {}, None, is_repeatable=True)
         return response
 
@@ -617,20 +585,17 @@ class Runs:
         return response
 
     def pause(self, run: str) -> types.RunSummary:
-        """Pause a run. It grants no more leases; results of existing leases are still accepted."""
+        """Pause a run."""
         response: types.RunSummary = self._send("POST", f"/v1/runs/{_segment(run)}/pause", {}, None, is_repeatable=True)
         return response
 
     def set_policy_version(self, run: str, **body: Unpack[types.PolicyVersionRequest]) -> types.RunSummary:
-        """Set the newest policy version. Leases and results raise it automatically. A version that was reported by mistake
-        makes all later results stale (`max_staleness`) until it is set back here.
-        """
+        """Set the newest policy version of a run."""
         response: types.RunSummary = self._send("PUT", f"/v1/runs/{_segment(run)}/policy_version", {}, body, is_repeatable=True)
         return response
 
     def list_policy_versions(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.PolicyVersionPage:
-        """List the versions of a run's policy, newest first: described versions and versions with results. Of versions without
-        a description only the newest are kept.
+        """List the policy versions of a run, newest first.
 
         Args:
             limit: Largest number of items on a page, from 1 to 500 (default 50).
@@ -644,9 +609,7 @@ class Runs:
     def describe_policy_version(
         self, run: str, version: str, **body: Unpack[types.PolicyVersionDescription]
     ) -> types.PolicyVersion:
-        """Describe a version of a run's policy: the location of its weights, and notes. A new description replaces the old
-        one. A version above the newest becomes the newest.
-        """
+        """Describe a policy version of a run: the location of its weights, and notes."""
         response: types.PolicyVersion = self._send(
             "PUT", f"/v1/runs/{_segment(run)}/policy_versions/{_segment(version)}", {}, body, is_repeatable=True
         )
@@ -658,9 +621,7 @@ class Runs:
         return response
 
     def set_retention(self, run: str, **body: Unpack[types.RetentionRequest]) -> types.RunSummary:
-        """Set how many episodes a run keeps complete. Fields that are left out keep their values. A smaller number takes
-        effect within seconds, and deleted data cannot be restored.
-        """
+        """Set how many episodes a run keeps complete."""
         response: types.RunSummary = self._send("PUT", f"/v1/runs/{_segment(run)}/retention", {}, body, is_repeatable=True)
         return response
 
@@ -678,26 +639,24 @@ class Runs:
 
 
 class Scenarios:
-    """Scenarios by hand: create, evaluate and roll out."""
+    """Single scenarios: check, evaluate and roll out."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
 
     def roll_out(self, **body: Unpack[types.RolloutRequest]) -> types.Rollout:
-        """Roll out a scenario to the end of its steps, to the step `until`, or to the end of the episode. Nothing is stored
-        and no bracket is computed; `POST /v1/scenarios` evaluates the result.
-        """
+        """Roll out a scenario to the end of its steps, to the step `until`, or to the end of the episode."""
         response: types.Rollout = self._send("POST", "/v1/rollouts", {}, body, is_repeatable=True)
         return response
 
     def check(self, **body: Unpack[types.ScenarioRequest]) -> types.ScenarioCheck:
-        """Check a scenario: validate it, compute its bracket, and replay and criticise actions on it. Nothing is stored."""
+        """Check a scenario: validate it, compute its bracket, and replay and criticise actions on it."""
         response: types.ScenarioCheck = self._send("POST", "/v1/scenarios", {}, body, is_repeatable=True)
         return response
 
 
 class Tasks:
-    """Tasks of the worlds, with their levels and spaces."""
+    """Tasks of the worlds, with their levels, params and actions."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
@@ -720,18 +679,14 @@ class Trajectories:
         return response
 
     def set_policy(self, run: str, **body: Unpack[types.PolicyRequest]) -> types.RunPolicyState:
-        """Set the policy of a run. The server's workers run it and push the groups to the run's feed. `chat` uses the language
-        model of the server's configuration; no request can name another.
-        """
+        """Set the policy of a run."""
         response: types.RunPolicyState = self._send("PUT", f"/v1/runs/{_segment(run)}/policy", {}, body, is_repeatable=True)
         return response
 
     def pull(
         self, run: str, *, limit: int | None = None, wait_s: int | None = None, ttl_s: int | None = None, after: int | None = None
     ) -> types.TrajectoryPage:
-        """Pull finished groups, in order. They are claimed for `ttl_s` and delivered again if they are not acknowledged in
-        that time, so that each group is delivered at least once; `id` identifies repeats. With `after` groups are read
-        again without a claim. With `wait_s` the response is sent as soon as there is a group.
+        """Pull finished groups of the trajectory feed, in order.
 
         Args:
             limit: Largest number of groups, from 1 to 256 (default 8). A response has at most 32 MiB of JSON, or a
@@ -751,9 +706,7 @@ class Trajectories:
         return response
 
     def acknowledge(self, run: str, **body: Unpack[types.AcknowledgeRequest]) -> types.AcknowledgeResponse:
-        """Acknowledge delivered groups. They are not delivered again and make room in the feed. A repeated request has no
-        further effect.
-        """
+        """Acknowledge delivered groups."""
         response: types.AcknowledgeResponse = self._send(
             "POST", f"/v1/runs/{_segment(run)}/trajectories/ack", {}, body, is_repeatable=True
         )
@@ -780,7 +733,7 @@ class Operations:
 
 
 class AsyncAccess:
-    """Log of the requests that changed something, and of refused ones."""
+    """Audit log: changes by API requests, and denied requests."""
 
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
@@ -788,9 +741,7 @@ class AsyncAccess:
     async def list_audit_log(
         self, *, denied: bool | None = None, limit: int | None = None, cursor: str | None = None
     ) -> types.AuditLogPage:
-        """List changes by API requests, or denied requests (401, 403) with `denied=true`, newest first. Of denied requests the
-        server logs at most one a second for each address, and ten a second in all. It keeps the newest 100 000 changes and
-        20 000 denied requests.
+        """List the entries of the audit log, newest first.
 
         Args:
             denied: True for denied requests, false for changes (default false).
@@ -816,7 +767,7 @@ class AsyncCurriculum:
 
 
 class AsyncDesigns:
-    """Layouts that are designed for the agent's failures, and requests for more."""
+    """Layouts that aim at the agent's failures, and design requests."""
 
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
@@ -864,8 +815,7 @@ class AsyncDesigns:
         limit: int | None = None,
         cursor: str | None = None,
     ) -> types.DesignPage:
-        """List the designs of a run, newest first: active and retired layouts, and designs that the gate refused. At most 64
-        refused designs of a request are kept; the request and the statistics count all of them.
+        """List the designs of a run, newest first: active and retired layouts, and designs that the gate refused.
 
         Args:
             task: Id of the task.
@@ -885,9 +835,7 @@ class AsyncDesigns:
         return response
 
     async def create_design_request(self, run: str, **body: Unpack[types.CreateDesignRequest]) -> types.DesignRequestSummary:
-        """Request layouts from a designer that aim at the agent's failures. The server responds at once and designs in the
-        background; the `state` of the request shows its progress.
-        """
+        """Create a design request: a designer makes layouts that aim at the agent's failures."""
         response: types.DesignRequestSummary = await self._send(
             "POST", f"/v1/runs/{_segment(run)}/designs", {}, body, is_repeatable=False
         )
@@ -896,7 +844,7 @@ class AsyncDesigns:
     async def list_design_requests(
         self, run: str, *, task: str | None = None, state: str | None = None, limit: int | None = None, cursor: str | None = None
     ) -> types.DesignRequestPage:
-        """List the requests to designers of a run, newest first.
+        """List the design requests of a run, newest first.
 
         Args:
             task: Id of the task.
@@ -914,14 +862,14 @@ class AsyncDesigns:
         return response
 
     async def get_design_request(self, run: str, request: str) -> types.DesignRequest:
-        """Get a request to a designer with the failure profile that it is based on."""
+        """Get a design request with the failure profile that it is based on."""
         response: types.DesignRequest = await self._send(
             "GET", f"/v1/runs/{_segment(run)}/designs/requests/{_segment(request)}", {}, None, is_repeatable=True
         )
         return response
 
     async def get_design_statistics(self, run: str) -> types.DesignStatistics:
-        """Get the numbers of a run's designs: by state, by check of the gate, and their share of training."""
+        """Get statistics of a run's designs: by state, by check of the gate, and their share of training."""
         response: types.DesignStatistics = await self._send(
             "GET", f"/v1/runs/{_segment(run)}/designs/statistics", {}, None, is_repeatable=True
         )
@@ -935,16 +883,14 @@ class AsyncDesigns:
         return response
 
     async def retire(self, run: str, design: str) -> types.DesignSummary:
-        """Retire a layout, so that it is not served again. Leased groups of it are not affected."""
+        """Retire a layout."""
         response: types.DesignSummary = await self._send(
             "POST", f"/v1/runs/{_segment(run)}/designs/{_segment(design)}/retire", {}, None, is_repeatable=True
         )
         return response
 
     async def revive(self, run: str, design: str) -> types.DesignSummary:
-        """Restore a retired layout, whatever the reason of its retirement. It is served again, and the outcomes behind its
-        retirement are reset.
-        """
+        """Restore a retired layout, for any reason of its retirement."""
         response: types.DesignSummary = await self._send(
             "POST", f"/v1/runs/{_segment(run)}/designs/{_segment(design)}/revive", {}, None, is_repeatable=True
         )
@@ -988,15 +934,14 @@ class AsyncEpisodes:
         limit: int | None = None,
         cursor: str | None = None,
     ) -> types.EpisodePage:
-        """Search for reported episodes that are kept complete. `GET …/episodes` lists all episodes, oldest first. An order by
-        score or skill leaves out episodes without one.
+        """Search for reported episodes that the run keeps complete.
 
         Args:
             task: Id of the task.
             level: Level of the scenario.
             state: State of the episode.
             success: True for successful episodes, false for the others.
-            mode: Failure mode of the episode, among the episodes that are kept as its examples.
+            mode: Failure mode. Only episodes that the failure profile keeps as examples of it are found.
             role: Role of the group.
             layout: Id of the layout.
             policy_version: Policy version that ran the episode.
@@ -1070,15 +1015,12 @@ class AsyncEvaluations:
         return response
 
     async def create(self, **body: Unpack[types.EvaluationRequest]) -> types.EvaluationSummary:
-        """Create an evaluation on a frozen suite. Without `run` the server runs a built-in policy. With `run` its trainer
-        leases the scenarios (`purpose: eval`, `evaluation`: this id) and reports results until none is left. Evaluation
-        seeds are never used for training.
-        """
+        """Create an evaluation on a frozen suite."""
         response: types.EvaluationSummary = await self._send("POST", "/v1/evaluations", {}, body, is_repeatable=False)
         return response
 
     async def compare(self, *, a: str, b: str) -> types.Comparison:
-        """Compare evaluations of one suite: paired by scenario, and across trainings if a side has several.
+        """Compare two sides of evaluations of one suite.
 
         Args:
             a: Ids of evaluations, separated by commas: trainings that differ by their seed.
@@ -1097,9 +1039,7 @@ class AsyncEvaluations:
         return response
 
     async def cancel(self, evaluation: str) -> types.EvaluationSummary:
-        """Cancel an evaluation. It becomes `failed` and grants no more leases; its results so far remain. A complete
-        evaluation cannot be cancelled (409). Cancelling a failed one changes nothing.
-        """
+        """Cancel an evaluation."""
         response: types.EvaluationSummary = await self._send(
             "POST", f"/v1/evaluations/{_segment(evaluation)}/cancel", {}, None, is_repeatable=True
         )
@@ -1130,15 +1070,13 @@ class AsyncEvaluations:
 
 
 class AsyncFailures:
-    """Reasons why episodes lose score: critiques, and the failure profile of a run."""
+    """Failures of episodes: critiques, and the failure profiles of a run."""
 
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
 
     async def get_episode_critique(self, run: str, episode: str) -> types.EpisodeCritique:
-        """Get the critique of an episode: why it lost score and what its actions were worth. The server computes it from the
-        stored actions on each request; it does not affect the curriculum.
-        """
+        """Get the critique of an episode: its failures and a verdict on each action."""
         response: types.EpisodeCritique = await self._send(
             "GET", f"/v1/runs/{_segment(run)}/episodes/{_segment(episode)}/critique", {}, None, is_repeatable=True
         )
@@ -1147,9 +1085,7 @@ class AsyncFailures:
     async def get_failure_profiles(
         self, run: str, *, task: str | None = None, examples: int | None = None
     ) -> types.FailureProfiles:
-        """Get the failure profiles of a run's tasks: failure modes by bearing and relative speed, values of actions, and their
-        trends. They count the finished episodes of training and probes, some time after the acknowledgement of results.
-        Late results and evaluations do not count.
+        """Get the failure profiles of a run's tasks.
 
         Args:
             task: Id of the only task to return.
@@ -1172,7 +1108,7 @@ class AsyncFailures:
         limit: int | None = None,
         cursor: str | None = None,
     ) -> types.FailurePage:
-        """List the failures behind a profile, newest first: those of a task, or of one of its modes, sectors, bands or cells.
+        """List the failures of a failure profile, newest first.
 
         Args:
             task: Id of the task.
@@ -1193,7 +1129,7 @@ class AsyncFailures:
 
 
 class AsyncLeases:
-    """Groups of scenarios that a trainer holds for a limited time."""
+    """Groups of scenarios that a trainer may run until a deadline."""
 
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
@@ -1211,25 +1147,19 @@ class AsyncLeases:
         return response
 
     async def create(self, run: str, **body: Unpack[types.LeaseRequest]) -> types.Lease:
-        """Create a lease of groups of scenarios. If scenarios are still being prepared, the server waits a while and then
-        returns 503.
-        """
+        """Create a lease of groups of scenarios."""
         response: types.Lease = await self._send("POST", f"/v1/runs/{_segment(run)}/leases", {}, body, is_repeatable=False)
         return response
 
     async def get(self, run: str, lease: str) -> types.Lease:
-        """Get a lease with its groups. Of a lease that the run no longer keeps complete, only groups remain that a level move,
-        a layout or an example of a failure depends on.
-        """
+        """Get a lease with its groups."""
         response: types.Lease = await self._send(
             "GET", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}", {}, None, is_repeatable=True
         )
         return response
 
     async def release(self, run: str, lease: str) -> types.LeaseSummary:
-        """Release a lease. Scenarios of groups with too few finished episodes return to the queue. A release of an ended lease
-        changes nothing.
-        """
+        """Release a lease."""
         response: types.LeaseSummary = await self._send(
             "POST", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}/release", {}, None, is_repeatable=True
         )
@@ -1262,20 +1192,19 @@ class AsyncMastery:
         return response
 
     async def get(self, run: str) -> types.RunMastery:
-        """Get the current mastery of all tasks."""
+        """Get the current mastery of all tasks of a run."""
         response: types.RunMastery = await self._send("GET", f"/v1/runs/{_segment(run)}/mastery", {}, None, is_repeatable=True)
         return response
 
     async def get_params(self, run: str) -> types.RunParams:
-        """Get the params in force, by task."""
+        """Get the current params of a run, by task."""
         response: types.RunParams = await self._send("GET", f"/v1/runs/{_segment(run)}/params", {}, None, is_repeatable=True)
         return response
 
     async def get_series(
         self, run: str, *, from_: str | None = None, to: str | None = None, points: int | None = None
     ) -> types.RunSeries:
-        """Get the time series of a run: success, skill, mastery, levels and params of each task. A point is a bucket of time
-        with results: at least a minute wide in the last week, an hour before.
+        """Get the time series of a run: success, skill, mastery, levels and params of each task.
 
         Args:
             from_: Start of the window, RFC 3339 (default: start of the run).
@@ -1302,26 +1231,21 @@ class AsyncResults:
         return response
 
     async def claim_columns(self, run: str, lease: str, **body: Unpack[types.ColumnsRequest]) -> types.ColumnClaim:
-        """Claim the results of all episodes of a lease of columns. The response is sent after the commit and lists the audited
-        groups. Their logs are due as results before the lease expires. The claim is accepted if every replay agrees with
-        it, and refused as a whole otherwise. A repeated claim returns the same response.
-        """
+        """Claim the results of all episodes of a lease of columns."""
         response: types.ColumnClaim = await self._send(
             "POST", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}/columns", {}, body, is_repeatable=True
         )
         return response
 
     async def get_claimed_columns(self, run: str, lease: str) -> types.ClaimedColumns:
-        """Get the columns of a lease as they were claimed, whether accepted or not."""
+        """Get the claimed columns of a lease, whether accepted or not."""
         response: types.ClaimedColumns = await self._send(
             "GET", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}/columns/entries", {}, None, is_repeatable=True
         )
         return response
 
     async def report(self, run: str, **body: Unpack[types.ResultsRequest]) -> types.ResultsResponse:
-        """Report results of episodes. A repeated result returns the same receipt and counts once. Each result has its own
-        receipt; a refused one does not affect the others. The response is sent after the commit.
-        """
+        """Report results of episodes."""
         response: types.ResultsResponse = await self._send(
             "POST", f"/v1/runs/{_segment(run)}/results", {}, body, is_repeatable=True
         )
@@ -1348,7 +1272,7 @@ class AsyncRuns:
         return response
 
     async def create(self, **body: Unpack[types.RunRequest]) -> types.RunSummary:
-        """Create a run. All fields are optional: `{}` creates a ladder over the tasks of the first world."""
+        """Create a run."""
         response: types.RunSummary = await self._send("POST", "/v1/runs", {}, body, is_repeatable=False)
         return response
 
@@ -1358,15 +1282,12 @@ class AsyncRuns:
         return response
 
     async def update(self, run: str, **body: Unpack[types.RunUpdate]) -> types.RunSummary:
-        """Update the settings of a run. Fields that are left out keep their values. A task keeps its level and mastery unless
-        its level table or physics change. Under another strategy it keeps its mastery, and the strategy starts anew.
-        Results of existing leases are still accepted.
-        """
+        """Update the settings of a run."""
         response: types.RunSummary = await self._send("PATCH", f"/v1/runs/{_segment(run)}", {}, body, is_repeatable=True)
         return response
 
     async def archive(self, run: str) -> types.RunSummary:
-        """Archive a run. It is paused, and lists leave it out unless `archived=true`. A resume restores it."""
+        """Archive a run."""
         response: types.RunSummary = await self._send("POST", f"/v1/runs/{_segment(run)}/archive", {}, None, is_repeatable=True)
         return response
 
@@ -1376,14 +1297,12 @@ class AsyncRuns:
         return response
 
     async def pause(self, run: str) -> types.RunSummary:
-        """Pause a run. It grants no more leases; results of existing leases are still accepted."""
+        """Pause a run."""
         response: types.RunSummary = await self._send("POST", f"/v1/runs/{_segment(run)}/pause", {}, None, is_repeatable=True)
         return response
 
     async def set_policy_version(self, run: str, **body: Unpack[types.PolicyVersionRequest]) -> types.RunSummary:
-        """Set the newest policy version. Leases and results raise it automatically. A version that was reported by mistake
-        makes all later results stale (`max_staleness`) until it is set back here.
-        """
+        """Set the newest policy version of a run."""
         response: types.RunSummary = await self._send(
             "PUT", f"/v1/runs/{_segment(run)}/policy_version", {}, body, is_repeatable=True
         )
@@ -1392,8 +1311,7 @@ class AsyncRuns:
     async def list_policy_versions(
         self, run: str, *, limit: int | None = None, cursor: str | None = None
     ) -> types.PolicyVersionPage:
-        """List the versions of a run's policy, newest first: described versions and versions with results. Of versions without
-        a description only the newest are kept.
+        """List the policy versions of a run, newest first.
 
         Args:
             limit: Largest number of items on a page, from 1 to 500 (default 50).
@@ -1407,9 +1325,7 @@ class AsyncRuns:
     async def describe_policy_version(
         self, run: str, version: str, **body: Unpack[types.PolicyVersionDescription]
     ) -> types.PolicyVersion:
-        """Describe a version of a run's policy: the location of its weights, and notes. A new description replaces the old
-        one. A version above the newest becomes the newest.
-        """
+        """Describe a policy version of a run: the location of its weights, and notes."""
         response: types.PolicyVersion = await self._send(
             "PUT", f"/v1/runs/{_segment(run)}/policy_versions/{_segment(version)}", {}, body, is_repeatable=True
         )
@@ -1421,9 +1337,7 @@ class AsyncRuns:
         return response
 
     async def set_retention(self, run: str, **body: Unpack[types.RetentionRequest]) -> types.RunSummary:
-        """Set how many episodes a run keeps complete. Fields that are left out keep their values. A smaller number takes
-        effect within seconds, and deleted data cannot be restored.
-        """
+        """Set how many episodes a run keeps complete."""
         response: types.RunSummary = await self._send("PUT", f"/v1/runs/{_segment(run)}/retention", {}, body, is_repeatable=True)
         return response
 
@@ -1441,26 +1355,24 @@ class AsyncRuns:
 
 
 class AsyncScenarios:
-    """Scenarios by hand: create, evaluate and roll out."""
+    """Single scenarios: check, evaluate and roll out."""
 
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
 
     async def roll_out(self, **body: Unpack[types.RolloutRequest]) -> types.Rollout:
-        """Roll out a scenario to the end of its steps, to the step `until`, or to the end of the episode. Nothing is stored
-        and no bracket is computed; `POST /v1/scenarios` evaluates the result.
-        """
+        """Roll out a scenario to the end of its steps, to the step `until`, or to the end of the episode."""
         response: types.Rollout = await self._send("POST", "/v1/rollouts", {}, body, is_repeatable=True)
         return response
 
     async def check(self, **body: Unpack[types.ScenarioRequest]) -> types.ScenarioCheck:
-        """Check a scenario: validate it, compute its bracket, and replay and criticise actions on it. Nothing is stored."""
+        """Check a scenario: validate it, compute its bracket, and replay and criticise actions on it."""
         response: types.ScenarioCheck = await self._send("POST", "/v1/scenarios", {}, body, is_repeatable=True)
         return response
 
 
 class AsyncTasks:
-    """Tasks of the worlds, with their levels and spaces."""
+    """Tasks of the worlds, with their levels, params and actions."""
 
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
@@ -1483,18 +1395,14 @@ class AsyncTrajectories:
         return response
 
     async def set_policy(self, run: str, **body: Unpack[types.PolicyRequest]) -> types.RunPolicyState:
-        """Set the policy of a run. The server's workers run it and push the groups to the run's feed. `chat` uses the language
-        model of the server's configuration; no request can name another.
-        """
+        """Set the policy of a run."""
         response: types.RunPolicyState = await self._send("PUT", f"/v1/runs/{_segment(run)}/policy", {}, body, is_repeatable=True)
         return response
 
     async def pull(
         self, run: str, *, limit: int | None = None, wait_s: int | None = None, ttl_s: int | None = None, after: int | None = None
     ) -> types.TrajectoryPage:
-        """Pull finished groups, in order. They are claimed for `ttl_s` and delivered again if they are not acknowledged in
-        that time, so that each group is delivered at least once; `id` identifies repeats. With `after` groups are read
-        again without a claim. With `wait_s` the response is sent as soon as there is a group.
+        """Pull finished groups of the trajectory feed, in order.
 
         Args:
             limit: Largest number of groups, from 1 to 256 (default 8). A response has at most 32 MiB of JSON, or a
@@ -1514,9 +1422,7 @@ class AsyncTrajectories:
         return response
 
     async def acknowledge(self, run: str, **body: Unpack[types.AcknowledgeRequest]) -> types.AcknowledgeResponse:
-        """Acknowledge delivered groups. They are not delivered again and make room in the feed. A repeated request has no
-        further effect.
-        """
+        """Acknowledge delivered groups."""
         response: types.AcknowledgeResponse = await self._send(
             "POST", f"/v1/runs/{_segment(run)}/trajectories/ack", {}, body, is_repeatable=True
         )

@@ -83,7 +83,7 @@ class AuditLogPage(TypedDict):
 
 
 class AuditedGroup(TypedDict):
-    """Group of a claim whose logs are due."""
+    """Audited group of a claim: the trainer must report its logs."""
 
     entries: list[int]
     """Indices of its finished episodes in the columns."""
@@ -157,7 +157,7 @@ class ClaimedEpisodeCounts(TypedDict):
     refused: int
     """Number of episodes of refused claims."""
     score: NotRequired[float | None]
-    """Their mean claimed score."""
+    """Mean claimed score of the finished episodes of accepted claims."""
     unproven: int
     """Number of episodes of claims whose audited logs were never reported."""
 
@@ -225,15 +225,18 @@ class CritiqueEncounter(TypedDict):
     """Geometry of an encounter."""
 
     avoidable: NotRequired[bool | None]
-    """True if acting from that step on, with the fuel left, would have avoided the contact; null if the body was never visible."""
+    """
+    True if actions from `first_visible_step` on, with the remaining fuel, would have avoided the contact; null if the body
+    was never visible.
+    """
     band: int
     """Speed band in a failure profile, from 0."""
     bearing_deg: float
-    """Bearing of the body some steps before, seen from the agent: degrees in [0, 360) from radial out towards in-track."""
+    """Bearing from the agent to the body a few steps before the contact: degrees in [0, 360) from radial out towards in-track."""
     bearing_inertial_deg: NotRequired[float | None]
     """The same bearing from +X towards +Y of the inertial frame; null in a world without such a frame."""
     body: int
-    """Id of the body that was met, among the bodies of its kind."""
+    """Id of the encountered body, among the bodies of its kind."""
     cheapest_avoidance: NotRequired[AvoidingAction | None]
     first_visible_step: NotRequired[int | None]
     """First step after which the body was visible, 0 at the start; null if it never was."""
@@ -242,7 +245,7 @@ class CritiqueEncounter(TypedDict):
     sector: int
     """Bearing sector in a failure profile, from 0 to 11."""
     steps_left: int
-    """Number of steps from then to the contact in which an agent could still act."""
+    """Number of steps from `first_visible_step` to the contact in which the agent could act."""
 
 
 class DesignAim(TypedDict):
@@ -268,7 +271,7 @@ class DesignResults(TypedDict):
     """Results of the agent on a layout."""
 
     as_aimed: NotRequired[float | None]
-    """Share of the criticised episodes with a failure that show the aimed failure mode."""
+    """Share with the aimed failure mode, among the criticised episodes with a failure."""
     episodes: int
     """Number of finished episodes in the closed groups."""
     groups: int
@@ -365,9 +368,12 @@ class EpisodeFailure(TypedDict):
     agent: int
     """Index of the agent that failed."""
     avoidable: NotRequired[bool | None]
-    """True if acting then would have avoided the failure; null if no body was met or it was never visible."""
+    """
+    True if actions after the body became visible would have avoided the failure; null without an encounter, or if the body
+    was never visible.
+    """
     band: NotRequired[int | None]
-    """Speed band; null if no body was met."""
+    """Speed band, from 0; null without an encounter."""
     bearing_deg: NotRequired[float | None]
     """Bearing of the body, degrees from radial out towards in-track."""
     episode: str
@@ -377,11 +383,11 @@ class EpisodeFailure(TypedDict):
     relative_speed: NotRequired[float | None]
     """Relative speed, in the world's unit of speed."""
     sector: NotRequired[int | None]
-    """Bearing sector; null if no body was met."""
+    """Bearing sector, from 0 to 11; null without an encounter."""
     step: int
     """Step of the failure, from 1."""
     steps_left: NotRequired[int | None]
-    """Number of steps left to act."""
+    """Number of steps in which the agent could act after the body became visible."""
 
 
 class EpisodeMetrics(TypedDict):
@@ -461,7 +467,7 @@ class EvaluationRequest(TypedDict):
     name: NotRequired[str | None]
     """Name of the evaluation for people (default: the name of the policy)."""
     policy: str
-    """Without `run`: a built-in policy of every task of the suite, which the server rolls out. With `run`: a name of your choice."""
+    """Without `run`: a built-in policy of every task of the suite, which the server rolls out. With `run`: any name."""
     policy_version: NotRequired[int | None]
     """Version of the run's policy (default: the newest)."""
     rollouts: NotRequired[int | None]
@@ -479,7 +485,7 @@ class EvaluationRequest(TypedDict):
     training: NotRequired[str | None]
     """Common name of trainings that differ only by their seed."""
     training_seed: NotRequired[int | None]
-    """Seed of this training."""
+    """Seed of the training that the evaluation is about."""
 
 
 EvaluationState: TypeAlias = Literal["open", "running", "complete", "failed"]
@@ -505,8 +511,8 @@ class EvaluationSummary(TypedDict):
     """Version of the run's policy."""
     retries: int
     """
-    Number of times a scenario was offered again because its group lost episodes or its lease ended first. Results of such
-    groups do not count. If the number is high, check that bad episodes are not the ones that get lost.
+    Number of groups that were leased again, because they lost episodes or their lease ended. Results of such groups do not
+    count. A high number can bias the results: low scores may be lost more often than high ones.
     """
     rollouts: int
     """Number of episodes of each scenario."""
@@ -529,7 +535,7 @@ class EvaluationSummary(TypedDict):
     training: NotRequired[str | None]
     """Common name of trainings that differ by their seed."""
     training_seed: NotRequired[int | None]
-    """Seed of this training."""
+    """Seed of the training that the evaluation is about."""
 
 
 EventKind: TypeAlias = Literal["run", "lease", "group", "move", "claim", "failures", "design", "warning"]
@@ -559,23 +565,26 @@ class FailureCell(TypedDict):
     """Failures of one mode from one bearing sector in one speed band."""
 
     avoidable_share: NotRequired[float | None]
-    """Share that acting when the body became visible, with the fuel left, would have avoided; null if no body was met."""
+    """
+    Share of the failures that actions after the body became visible, with the remaining fuel, would have avoided; null
+    without encounters.
+    """
     band: NotRequired[int | None]
-    """Speed band; null if no body was met."""
+    """Speed band, from 0; null without an encounter."""
     count: int
-    """Number of failures counted here."""
+    """Number of these failures."""
     episodes: list[str]
     """Ids of the newest example episodes, newest first."""
     last_at: str
     """Time of the latest failure, RFC 3339."""
     mean_steps_left: NotRequired[float | None]
-    """Mean number of steps left to act; null if no body was met."""
+    """Mean number of steps in which the agent could act after the body became visible; null without encounters."""
     sector: NotRequired[int | None]
-    """Bearing sector; null if no body was met."""
+    """Bearing sector, from 0 to 11; null without an encounter."""
     unseen_share: NotRequired[float | None]
-    """Share in which the body was never visible; null if no body was met."""
+    """Share of the failures in which the body was never visible; null without encounters."""
     weight: float
-    """Sum of their weights."""
+    """Sum of the weights of these failures."""
 
 
 class FailureMeasure(TypedDict):
@@ -608,7 +617,7 @@ class FeedStatus(TypedDict):
     delivered: int
     """Number of delivered groups whose claim has not expired."""
     full: bool
-    """True if no more groups are run until some are acknowledged."""
+    """True if the server rolls out no more groups until the trainer acknowledges some."""
     waiting: int
     """Number of groups that wait to be delivered."""
 
@@ -625,7 +634,7 @@ class GateCheckCount(TypedDict):
 
 
 class GroupCounts(TypedDict):
-    """Ends of groups with several episodes, at all levels together."""
+    """Numbers of closed groups with several episodes, over all levels."""
 
     complete: int
     """Number of groups of which all episodes finished."""
@@ -673,11 +682,11 @@ class InertialSectorCounts(TypedDict):
     """Failures of one mode from one sector of the inertial frame."""
 
     count: int
-    """Number of failures counted here."""
+    """Number of these failures."""
     sector: int
     """Number of the sector, from 0."""
     weight: float
-    """Sum of their weights."""
+    """Sum of the weights of these failures."""
 
 
 class JudgeAssessment(TypedDict):
@@ -716,7 +725,7 @@ class LeaseRequest(TypedDict):
     """Request for a lease."""
 
     evaluation: NotRequired[str | None]
-    """With `purpose: eval`: id of the evaluation. The lease has at most `groups` of its scenarios that no other lease holds."""
+    """With `purpose: eval`: id of the evaluation. The lease has at most `groups` of its scenarios that no other active lease has."""
     form: NotRequired[LeaseForm]
     """
     `groups` (default): each group has its scenario and bracket, and every log is replayed. `columns`: for 10⁵ episodes per second
@@ -993,11 +1002,11 @@ class ResultReceipt(TypedDict):
 
 
 RetentionLimit: TypeAlias = int | AllEpisodes
-"""Number of episodes that are kept whole."""
+"""Number of episodes that a run keeps complete."""
 
 
 class RetentionRequest(TypedDict):
-    """Numbers of episodes that a run keeps whole. Older ones keep their results only."""
+    """Numbers of episodes that a run keeps complete. The server keeps only the results of older ones."""
 
     claimed: NotRequired[RetentionLimit | None]
     episodes: NotRequired[RetentionLimit | None]
@@ -1033,7 +1042,7 @@ RolloutRequest = TypedDict(
 
 
 class RunParams(TypedDict):
-    """Params in force, by task."""
+    """Current params of a run, by task."""
 
     tasks: dict[str, dict[str, float]]
     """Params by name, for each task id."""
@@ -1188,7 +1197,7 @@ class StrategySetting(TypedDict):
     """Setting of a strategy."""
 
     accepts: str
-    """Accepted values, in words."""
+    """Description of the accepted values, such as `a number from 0 to 1`."""
     default: float | str
     """Default value of the setting."""
     description: str
@@ -1272,18 +1281,18 @@ class TaskMastery(TypedDict):
     """Mastery of one task."""
 
     claimed_results: ClaimedEpisodeCounts
-    """Claims of columns: statistics only, except for audited groups, which count above."""
+    """Episodes of claims of columns. They do not move mastery, except for audited groups, which `results` counts."""
     designed_results: EpisodeCounts
     """Results of the episodes on designed layouts, which aim at the agent's failures."""
     group_counts: GroupCounts
-    """Ends of groups with several episodes; all zeros if groups have one episode."""
+    """Numbers of closed groups with several episodes; all zeros if groups have one episode."""
     level: NotRequired[int | None]
     """Current level; null during placement and under a strategy without levels."""
     levels: list[MasteryEstimate]
-    """The same for each level with evidence."""
+    """Posterior of success for each level with evidence."""
     mastery: NotRequired[MasteryEstimate | None]
     params: dict[str, float]
-    """Params in force: of the current level, or of the probed one."""
+    """Current params: those of the current level, or of the probed level."""
     placement_done: bool
     """True if the first level is set."""
     probe_level: NotRequired[int | None]
@@ -1295,7 +1304,7 @@ class TaskMastery(TypedDict):
     task: str
     """Id of the task."""
     warnings: list[str]
-    """Problems that the user should know about, one sentence each."""
+    """Warnings about the evidence of the task, one sentence each."""
 
 
 class TaskOverview(TypedDict):
@@ -1329,7 +1338,7 @@ class TaskParam(TypedDict):
     name: str
     """Name of the param."""
     step: float
-    """Grid of designers; any value is valid unless `whole` is true."""
+    """Step between the values that designers choose. Other values are valid too, integers only if `whole` is true."""
     unit: str
     """Unit of the param; empty for a pure number."""
     whole: bool
@@ -1353,7 +1362,7 @@ class TaskSeries(TypedDict):
     claimed: list[int]
     """Number of episodes of accepted claims of columns."""
     contested_scenarios: list[int]
-    """Number of these contested scenarios."""
+    """Number of contested scenarios with results."""
     contested_success: list[float | None]
     """Mean success rate on contested scenarios."""
     episodes: list[int]
@@ -1367,13 +1376,13 @@ class TaskSeries(TypedDict):
     lost: list[int]
     """Number of failed and expired episodes."""
     mastery: list[float | None]
-    """Mean of the posterior of success on contested scenarios at that level and time."""
+    """Mean of the posterior of success on contested scenarios at the current level, at the end of the point."""
     mastery_high: list[float | None]
     """90 % quantile of the posterior."""
     mastery_low: list[float | None]
     """10 % quantile of the posterior."""
     panel_success: list[float | None]
-    """Mean success rate of the blind panel on some of these scenarios."""
+    """Mean success rate of the blind panel on those contested scenarios whose panel was computed."""
     params: dict[str, ParamSeries]
     """Params of the results, by name."""
     score: list[float | None]
@@ -1413,7 +1422,7 @@ class TrajectoryMetrics(TypedDict):
     """Metrics of a language model over an episode, by the names under which trainers log them."""
 
     invalid_actions: int
-    """Number of replies that were no action."""
+    """Number of replies that are not a valid action."""
     temperature: NotRequired[float | None]
     """Sampling temperature, if one was set."""
     tokens_in: int
@@ -1457,7 +1466,7 @@ class AcrossSeeds(TypedDict):
 
 
 class ActionValue(TypedDict):
-    """Value of an action."""
+    """Effect of an action on the score."""
 
     agent: int
     """Index of the agent that acted."""
@@ -1540,7 +1549,7 @@ class DesignRequestSummary(TypedDict):
     criticised: NotRequired[int | None]
     """Number of criticised episodes behind the failure profile."""
     designer: DesignerKind
-    """Designer. The procedural designer fills in for what a language model does not deliver."""
+    """Designer of the layouts. The procedural designer makes those that a language model fails to deliver."""
     ended_at: NotRequired[str | None]
     """Time of its end, RFC 3339."""
     error: NotRequired[str | None]
@@ -1570,7 +1579,7 @@ class DesignRequestSummary(TypedDict):
     tokens_out: int
     """Number of completion tokens."""
     wanted: int
-    """Number of layouts wanted."""
+    """Number of requested layouts."""
     warnings: list[str]
     """Problems that did not end the request, one sentence each."""
 
@@ -1776,7 +1785,7 @@ class FailureModeCounts(TypedDict):
     cells: list[FailureCell]
     """Failures by sector and band; empty cells are left out."""
     count: int
-    """Number of failures counted here."""
+    """Number of these failures."""
     description: str
     """Description in one sentence."""
     inertial_sectors: list[InertialSectorCounts]
@@ -1789,7 +1798,7 @@ class FailureModeCounts(TypedDict):
     per_episode: NotRequired[Trend | None]
     share: NotRequired[Trend | None]
     weight: float
-    """Sum of their weights."""
+    """Sum of the weights of these failures."""
 
 
 class FailureProfile(TypedDict):
@@ -1811,11 +1820,11 @@ class FailureProfile(TypedDict):
     task: str
     """Id of the task."""
     verdicts: list[VerdictCount]
-    """Actions of an episode by verdict."""
+    """Numbers of actions by verdict."""
     waiting: int
     """Number of waiting episodes. criticised + skipped + failed + waiting are the finished episodes of training and probes."""
     weight: float
-    """Sum of the weights of these episodes."""
+    """Sum of the weights of the criticised episodes."""
 
 
 class FailureProfiles(CritiqueBacklog):
@@ -1884,7 +1893,7 @@ class LeasedGroup(TypedDict):
 
     bracket: NotRequired[ScenarioBracket | None]
     contested: bool
-    """True if acting well matters on this scenario."""
+    """True if the scenario is contested: the reference succeeds and most blind plans do not."""
     episodes: list[str]
     """Ids under which to report the episodes."""
     group: int
@@ -2055,7 +2064,7 @@ class RunRequest(TypedDict):
     placement: NotRequired[bool | None]
     """True to find the first level by bisection over the levels (default true)."""
     retention: NotRequired[RetentionRequest]
-    """Number of episodes that are kept whole."""
+    """Numbers of episodes that the run keeps complete."""
     seed: NotRequired[int | None]
     """Seed of the run's random streams, from 0 to 2^51 − 1 (default: drawn by the server)."""
     strategy: NotRequired[str | None]
@@ -2094,7 +2103,8 @@ class RunSettingsPage(TypedDict):
 class RunUpdate(TypedDict):
     """
     Request to change a run. A field that is left out keeps its value. Tasks keep their level and mastery unless their levels or
-    physics change. Under another strategy they keep their mastery, and the strategy starts anew.
+    physics change. A change of the strategy keeps the mastery of tasks and resets the state of the
+    strategy.
     """
 
     audit_groups: NotRequired[int | None]
@@ -2377,7 +2387,7 @@ class Lease(TypedDict):
     group_size: int
     """Number of episodes in each group."""
     groups: list[LeasedGroup]
-    """Groups of the lease; of a lease of columns only the audited ones."""
+    """Groups of the lease; for a lease of columns only the audited groups."""
     lease: str
     """Id of the lease."""
     policy_version: int
@@ -2453,7 +2463,7 @@ class TrajectoryGroup(TypedDict):
     bracket: ScenarioBracket
     """Bracket of the scenario. It is for the trainer, never for the agent."""
     contested: bool
-    """True if acting well matters on this scenario."""
+    """True if the scenario is contested: the reference succeeds and most blind plans do not."""
     episodes: list[TrajectoryEpisode]
     """Finished episodes, in order of their index."""
     failed: int

@@ -205,10 +205,10 @@ async fn oversized_requests_are_rejected() {
     let item = json!({"episode": "ep_1-aaaaaa_0", "status": "failed"});
     let many = json!({"results": vec![item; 100_000]});
     let response = api.post("/v1/runs/run/results", many).await;
-    insta::assert_snapshot!(problem_line(&response), @"422 invalid [results]: 100000 results; at most 5000 are accepted in one request");
+    insta::assert_snapshot!(problem_line(&response), @"422 invalid [results]: must have at most 5000 entries, got 100000");
     let huge = format!(r#"{{"results": [], "policy_version": {}1}}"#, " ".repeat(40 * 1024 * 1024));
     let response = api.request("POST", "/v1/runs/run/results", "application/json", huge).await;
-    insta::assert_snapshot!(problem_line(&response), @"413 too_large: The body is larger than 16 MiB; send less at a time.");
+    insta::assert_snapshot!(problem_line(&response), @"413 too_large: The body must have at most 16 MiB; send it in smaller requests.");
     let deep = format!(r#"{{"scenario": {}1{}}}"#, "[".repeat(100_000), "]".repeat(100_000));
     let response = api.request("POST", "/v1/scenarios", "application/json", deep).await;
     assert_eq!(response.status, 400, "{:?}", response.body);

@@ -42,7 +42,7 @@ async fn database_of_another_program_is_rejected() {
     let db = folder.path().join("other.sqlite3");
     execute_sql(&db, "CREATE TABLE customers (name TEXT)").await;
     let before = std::fs::read(&db).unwrap();
-    insta::assert_snapshot!(serve_error(&db), @"sparring: DB is a database, but not one of Sparring's: give another path with --db");
+    insta::assert_snapshot!(serve_error(&db), @"sparring: DB is a database of another application: give another path with --db");
     let info = Command::new(sparring_binary()).args(["db", "info", "--db"]).arg(&db).output().unwrap();
     assert_eq!(info.status.code(), Some(2));
     assert_eq!(std::fs::read(&db).unwrap(), before, "the file is unchanged");
@@ -51,7 +51,7 @@ async fn database_of_another_program_is_rejected() {
 #[tokio::test]
 async fn folder_is_rejected() {
     let folder = tempfile::tempdir().unwrap();
-    insta::assert_snapshot!(serve_error(folder.path()), @"sparring: DB is no file: give the path of a file, which need not be there yet, with --db");
+    insta::assert_snapshot!(serve_error(folder.path()), @"sparring: DB is not a file: give the path of a new or existing file with --db");
 }
 
 #[test]
@@ -138,7 +138,7 @@ async fn database_has_one_server() {
 #[test]
 fn missing_folder_is_rejected() {
     let folder = tempfile::tempdir().unwrap();
-    insta::assert_snapshot!(serve_error(&folder.path().join("no/such/folder/x.sqlite3")), @"sparring: DB cannot be opened: the file or its folder does not exist or may not be opened");
+    insta::assert_snapshot!(serve_error(&folder.path().join("no/such/folder/x.sqlite3")), @"sparring: DB cannot be opened: the file or its folder does not exist, or the process may not open it");
 }
 
 /// Permissions do not bind root. As root, the test runs a copy of the server as the unprivileged user 65534.

@@ -104,16 +104,16 @@ async fn check_finds_each_kind_of_damage() {
     assert_eq!(serve_compacted_run(&file).await.terminate(), Some(0));
     for (damage, found) in [
         ("UPDATE episodes SET score = 0.123 WHERE outcome IS NOT NULL", "replays to"),
-        ("DELETE FROM action_logs", "has no actions"),
+        ("DELETE FROM action_logs", "but no actions"),
         ("UPDATE task_counters SET episodes = episodes + 1", "counts"),
         (
             "INSERT INTO claim_counters VALUES ('run', 'kessler/survival', 0, 3, 1.5, 0, 0, 0, 0, 0)",
             "counts claims as",
         ),
-        ("UPDATE groups SET finished = finished + 1", "finished episodes, and has"),
+        ("UPDATE groups SET finished = finished + 1", "finished episodes but has"),
         ("UPDATE compacted_leases SET body = x'0102'", "cannot be read"),
         ("UPDATE curriculum_snapshots SET body = '{}'", "cannot be loaded"),
-        ("PRAGMA foreign_keys = OFF; DELETE FROM scenarios", "refers to a row of scenarios"),
+        ("PRAGMA foreign_keys = OFF; DELETE FROM scenarios", "refers to a missing row of scenarios"),
     ] {
         let damaged = folder.path().join("harmed.sqlite3");
         let _ = std::fs::remove_file(&damaged);

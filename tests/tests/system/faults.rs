@@ -159,8 +159,8 @@ async fn full_disk_is_reported_and_recovered() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn failing_disk_is_reported_and_recovered() {
-    assert_recovery(Fault::Write, EIO, "the disk fails").await;
-    assert_recovery(Fault::Sync, EIO, "the disk fails").await;
+    assert_recovery(Fault::Write, EIO, "the disk failed").await;
+    assert_recovery(Fault::Sync, EIO, "the disk failed").await;
 }
 
 /// Number of commits that took longer than 0.2 s since the start of the server.

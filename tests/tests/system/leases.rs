@@ -324,9 +324,9 @@ async fn invalid_result_rejects_only_itself() {
         .collect();
     insta::assert_debug_snapshot!(receipts, @r#"
     [
-        "invalid_result: score: it is not a known field; known are episode, status, actions, reason, policy_version, metrics",
-        "invalid_result: policy_version: it is 1e300, but must be a whole number from 0 to 4294967295",
-        "invalid_result: actions: it is a list, but must be an object",
+        "invalid_result: score: is not a known field; the known fields are episode, status, actions, reason, policy_version, metrics",
+        "invalid_result: policy_version: must be an integer from 0 to 4294967295, got 1e300",
+        "invalid_result: actions: must be an object, got a list",
     ]
     "#);
 }

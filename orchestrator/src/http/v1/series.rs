@@ -2,6 +2,7 @@
 
 use api_types::{ParamSeries, RunSeries, SeriesQuery, TaskSeries};
 use axum::extract::State;
+use env_core::text::{MAX_QUOTED_CHARS, shorten};
 use store::history::{self, HistoryBucket, HistoryPoint, HistoryWindow};
 use store::runs;
 
@@ -85,9 +86,13 @@ fn series_by_task(points: Vec<HistoryPoint>, width: Millis) -> Vec<TaskSeries> {
 /// Parses the time of a query field.
 fn parse_time(field: &'static str, text: Option<&String>, default: Millis) -> Result<Millis, Problem> {
     let Some(text) = text else { return Ok(default) };
-    let time = text
-        .parse::<jiff::Timestamp>()
-        .map_err(|_| Problem::invalid(field, "must be a time such as 2026-01-31T12:00:00Z".to_owned()))?;
+    let time = text.parse::<jiff::Timestamp>().map_err(|_| {
+        let text = shorten(text, MAX_QUOTED_CHARS);
+        Problem::invalid(
+            field,
+            format!("must be an RFC 3339 time such as 2026-01-31T12:00:00Z, got {text:?}"),
+        )
+    })?;
     Ok(time.as_millisecond())
 }
 
@@ -114,11 +119,16 @@ pub(super) async fn get_series(
     let (from, to) =
         (parse_time("from", query.from.as_ref(), created_at)?, parse_time("to", query.to.as_ref(), now)?);
     if to < from {
-        return Err(Problem::invalid("to", "is before `from`".to_owned()));
+        return Err(match query.to {
+            Some(_) => Problem::invalid("to", format!("must not be before `from`, {}", rfc3339(from))),
+            None => {
+                Problem::invalid("from", format!("must not be in the future, the time is {}", rfc3339(to)))
+            }
+        });
     }
     let points = query.points.unwrap_or(DEFAULT_POINTS);
     if !(1..=MAX_POINTS).contains(&points) {
-        return Err(Problem::invalid("points", format!("is {points}, but must be from 1 to {MAX_POINTS}")));
+        return Err(Problem::invalid("points", format!("must be from 1 to {MAX_POINTS}, got {points}")));
     }
     let window = HistoryWindow::new(from, to, i64::from(points), now);
     let mut points = history::curve(&mut conn, run.as_str(), window).await?;

@@ -274,15 +274,15 @@ async fn invalid_evaluations_are_rejected() {
     let own_evaluation = create_evaluation(&api, json!({"policy": "mine", "run": "run"})).await;
     for (request, text) in [
         (json!({"groups": 1, "evaluation": own_evaluation}), "purpose: eval"),
-        (json!({"groups": 1, "purpose": "eval", "evaluation": "eval-999"}), "no evaluation"),
-        (json!({"groups": 1, "purpose": "eval", "evaluation": own_evaluation, "group_size": 3}), "8 times"),
+        (json!({"groups": 1, "purpose": "eval", "evaluation": "eval-999"}), "eval-999 does not exist"),
+        (json!({"groups": 1, "purpose": "eval", "evaluation": own_evaluation, "group_size": 3}), "must be 8"),
         (
             json!({"groups": 1, "purpose": "eval", "evaluation": own_evaluation, "policy_version": 5}),
-            "of version 0",
+            "must be 0",
         ),
         (
             json!({"groups": 1, "purpose": "eval", "evaluation": own_evaluation, "form": "columns"}),
-            "on groups",
+            "must be groups",
         ),
     ] {
         let response = api.post("/v1/runs/run/leases", request.clone()).await;

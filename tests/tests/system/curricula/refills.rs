@@ -84,7 +84,7 @@ async fn groups_with_variance_are_not_refilled() {
     assert!(refilled <= 2 - differs, "{refilled} groups were added although {differs} have variance");
     for (settings, text) in [
         (json!({"groups": 1, "group_size": 1, "refill": true}), "at least 2"),
-        (json!({"groups": 1, "purpose": "eval", "refill": true}), "purpose `train`"),
+        (json!({"groups": 1, "purpose": "eval", "refill": true}), "purpose: train"),
         (json!({"groups": 100, "form": "columns", "refill": true}), "results per group"),
     ] {
         let problem = api.post("/v1/runs/run/leases", settings).await.expect(422);

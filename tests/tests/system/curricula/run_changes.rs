@@ -25,7 +25,7 @@ async fn invalid_settings_are_rejected_by_field() {
         (
             json!({"strategy": "plr", "strategy_settings": {"buffer": 3}}),
             "strategy_settings.buffer",
-            "no setting of plr",
+            "not a setting of the strategy plr",
         ),
         (json!({"strategy_settings": {"replay": 0.5}}), "strategy_settings.replay", "ladder has no settings"),
         (
@@ -36,7 +36,7 @@ async fn invalid_settings_are_rejected_by_field() {
         (
             json!({"strategy": "alp_gmm", "strategy_settings": {"window": 2.5}}),
             "strategy_settings.window",
-            "whole number",
+            "an integer",
         ),
         (
             json!({"tasks": [SURVIVAL], "task_settings": {SURVIVAL: {"levels": {"columns": ["debris", "fuel"], "rows": [[10, 5], [20]]}}}}),

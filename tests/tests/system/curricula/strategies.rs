@@ -151,7 +151,7 @@ async fn column_leases_need_a_drawing_strategy() {
         let rejected =
             api.post(&format!("/v1/runs/{name}/leases"), json!({"groups": 100, "form": "columns"})).await;
         let problem = rejected.expect(422);
-        assert!(problem["detail"].as_str().unwrap().contains("column leases cannot contain"), "{problem}");
+        assert!(problem["detail"].as_str().unwrap().contains("ranges of seeds cannot contain"), "{problem}");
     }
     for name in ["adr", "alp_gmm", "uniform"] {
         create(&api, name, json!({})).await;

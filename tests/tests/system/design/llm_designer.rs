@@ -78,7 +78,7 @@ async fn model_designs_layouts_and_its_key_is_never_exposed() {
     wait_for_critiques(&api).await;
 
     // The endpoint rejects the key, then returns prose four times: the procedural designer takes over.
-    for wanted in ["401", "holds no layouts"] {
+    for wanted in ["401", "has no layouts"] {
         let request = request_design(&api, json!({"count": 2, "designer": "llm"})).await;
         assert_eq!((&request["state"], &request["admitted"]), (&json!("done"), &json!(2)), "{request}");
         assert!(request["warnings"].to_string().contains(wanted), "{wanted}: {request}");
@@ -87,7 +87,7 @@ async fn model_designs_layouts_and_its_key_is_never_exposed() {
     let request = request_design(&api, json!({"count": 2, "designer": "llm"})).await;
     assert_eq!(
         (&request["model"], &request["prompt_version"]),
-        (&json!("mock"), &json!("kessler-1")),
+        (&json!("mock"), &json!("kessler-2")),
         "{request}"
     );
     assert_eq!((&request["tokens_in"], &request["tokens_out"]), (&json!(1500), &json!(300)), "{request}");

@@ -89,7 +89,7 @@ async fn forged_score_refuses_the_whole_claim() {
     let results = report["results"].as_array().unwrap();
     let mismatches: Vec<&Value> = results.iter().filter(|r| r["code"] == "columns_mismatch").collect();
     assert!(!mismatches.is_empty(), "{report}");
-    assert!(mismatches[0]["detail"].as_str().unwrap().contains("0.999000 was claimed"), "{}", mismatches[0]);
+    assert!(mismatches[0]["detail"].as_str().unwrap().contains("the claim is 0.999000"), "{}", mismatches[0]);
     let state = trainer.claim_state(&api).await;
     assert_eq!(state["state"], "refused");
     assert!(state["reason"].as_str().unwrap().contains(mismatches[0]["episode"].as_str().unwrap()));

@@ -214,11 +214,11 @@ async fn endpoint_faults_leave_steps_and_rewards_intact() {
         ("slow", chat_response(VERDICT).set_delay(Duration::from_secs(300)), "within 1 s"),
         ("429", error_response(429).insert_header("retry-after", "3600"), "3600 s"),
         ("500", error_response(500), "500"),
-        ("truncated", ResponseTemplate::new(200).set_body_string(truncated), "answer makes no sense"),
-        ("html", ResponseTemplate::new(200).set_body_string("<html>no</html>"), "answer makes no sense"),
-        ("prose", chat_response("I find it fine."), "no verdict"),
-        ("beyond", chat_response(r#"{"reasoning": "x", "score": 7}"#), "outside -1 to 1"),
-        ("NaN", chat_response(r#"{"reasoning": "x", "score": NaN}"#), "no verdict"),
+        ("truncated", ResponseTemplate::new(200).set_body_string(truncated), "response is invalid"),
+        ("html", ResponseTemplate::new(200).set_body_string("<html>no</html>"), "response is invalid"),
+        ("prose", chat_response("I find it fine."), "no valid verdict"),
+        ("beyond", chat_response(r#"{"reasoning": "x", "score": 7}"#), "must be from -1 to 1"),
+        ("NaN", chat_response(r#"{"reasoning": "x", "score": NaN}"#), "no valid verdict"),
         ("401", error_response(401), "401"),
     ];
     let mut cases = Vec::new();

@@ -150,7 +150,7 @@ async fn invalid_action_is_repaired_once_then_replaced_by_hold() {
     assert_eq!(steps[0]["action"], json!({"burns": [{"satellite_id": 0, "delta_vx": 0.1, "delta_vy": 0.0}]}));
     assert_eq!((&steps[0]["error"], &steps[0]["model"]["invalid"]), (&Value::Null, &json!(1)));
     assert_eq!((&steps[1]["action"], &steps[1]["model"]["invalid"]), (&json!({"burns": []}), &json!(2)));
-    let error = "the answer is no action: burns.0.satellite_id: 7 is outside 0 to 2";
+    let error = "the reply is not an action: burns.0.satellite_id: must be from 0 to 2, got 7";
     assert_eq!(steps[1]["error"], error);
     assert!(output.lines("[STEP] step=2 ")[0].ends_with(&format!("error={error}")), "{}", output.stdout);
 
@@ -161,7 +161,9 @@ async fn invalid_action_is_repaired_once_then_replaced_by_hold() {
         requests[index]["messages"].as_array().unwrap().last().unwrap()["content"].as_str().unwrap()
     };
     assert!(
-        last(1).starts_with("That is no action: burns.0.satellite_id: 7 is outside 0 to 2."),
+        last(1).starts_with(
+            "Your answer is not a valid action: burns.0.satellite_id: must be from 0 to 2, got 7."
+        ),
         "{}",
         last(1)
     );

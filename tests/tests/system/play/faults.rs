@@ -90,12 +90,12 @@ async fn short_rate_limits_are_awaited() {
     assert!(start.elapsed() >= Duration::from_secs(1));
     assert_failed_before_the_first_step(
         &play_with_responses([busy("3600")]).await,
-        "rate limited: it asks to wait 3600 s",
+        "limits the rate of requests; retry after 3600 s",
     );
     assert_aborted(
         &play_with_responses([chat_response(HOLD_ACTION), chat_response(HOLD_ACTION), busy("3600")]).await,
         2,
-        "rate limited",
+        "limits the rate of requests",
     );
 }
 
@@ -106,7 +106,7 @@ async fn failing_endpoint_breaks_the_episode_off() {
     assert_eq!(output.code, Some(0), "one failure is retried: {}", output.stderr);
     assert_failed_before_the_first_step(
         &play_with_responses([down()]).await,
-        "refused with status 503: down, [key]",
+        "returned status 503: down, [key]",
     );
     assert_aborted(
         &play_with_responses([
@@ -123,7 +123,7 @@ async fn failing_endpoint_breaks_the_episode_off() {
         ResponseTemplate::new(401).set_body_json(json!({"error": {"message": format!("bad key {API_KEY}")}}));
     assert_failed_before_the_first_step(
         &play_with_responses([no]).await,
-        "refused with status 401: bad key [key]",
+        "returned status 401: bad key [key]",
     );
 }
 
@@ -132,8 +132,8 @@ async fn malformed_responses_are_no_actions() {
     let whole = chat_completion(HOLD_ACTION).to_string();
     let body = |text: &str| ResponseTemplate::new(200).set_body_string(text.to_owned());
     for (response, why) in [
-        (body(&whole[..whole.len() / 2]), "it is no chat completion"),
-        (body("<html>a captive portal</html>"), "it is no chat completion"),
+        (body(&whole[..whole.len() / 2]), "it is not a chat completion"),
+        (body("<html>a captive portal</html>"), "it is not a chat completion"),
         (body(r#"{"choices": []}"#), "it has no choices"),
     ] {
         let output = play_with_responses([response]).await;
@@ -171,7 +171,7 @@ async fn endless_response_is_cut_off() {
     // The response exceeds its size limit long before the timeout.
     let output = play(&server, &format!("{} {ARGS}", endpoint_args(&format!("http://{address}")))).await;
     assert_aborted(&output, 3, "calls of the model are paused for");
-    assert!(output.lines("[STEP]")[0].contains("it is longer than 1048576 bytes"), "{}", output.stdout);
+    assert!(output.lines("[STEP]")[0].contains("it has more than 1048576 bytes"), "{}", output.stdout);
 }
 
 #[tokio::test]

@@ -175,7 +175,7 @@ async fn faults_of_the_model_count() {
         let steps = episode["steps"].as_array().unwrap();
         assert_eq!(steps.len(), 2, "one valid and one missing action");
         assert_eq!(steps[1]["action"], Value::Null);
-        assert!(steps[1]["error"].as_str().unwrap().contains("no action"), "{}", steps[1]["error"]);
+        assert!(steps[1]["error"].as_str().unwrap().contains("not an action"), "{}", steps[1]["error"]);
         assert_eq!(steps[1]["completions"].as_array().unwrap().len(), 2, "repaired once");
         assert_eq!(steps[1]["completions"][0]["truncated"], stopped == "too_long");
         assert_eq!(episode["metrics"]["invalid_actions"], 2);

@@ -34,13 +34,17 @@ async fn endpoint_faults_are_reported_and_do_not_count() {
         ("slow", Some(chat_response(HOLD_ACTION).set_delay(Duration::from_secs(300))), "within"),
         ("500", Some(status(500)), "status 500"),
         ("401", Some(status(401)), "status 401"),
-        ("429", Some(status(429).insert_header("retry-after", "1")), "rate limited"),
+        ("429", Some(status(429).insert_header("retry-after", "1")), "limits the rate of requests"),
         (
             "nonsense",
             Some(ResponseTemplate::new(200).set_body_string(format!("<html>{API_KEY}</html>"))),
-            "no sense",
+            "response is invalid",
         ),
-        ("no choices", Some(ResponseTemplate::new(200).set_body_json(json!({"choices": []}))), "no sense"),
+        (
+            "no choices",
+            Some(ResponseTemplate::new(200).set_body_json(json!({"choices": []}))),
+            "response is invalid",
+        ),
     ];
     let closed = ClosedPort::reserve();
     for (name, response, reason) in cases {
@@ -135,7 +139,7 @@ async fn rollout_that_outlasts_its_lease_does_not_count() {
     model.release(50);
     let state =
         wait_for_policy(&api, "run", "a rollout fails", |policy| !policy["last_error"].is_null()).await;
-    assert_eq!(state["last_error"]["message"], "its lease was over before the group was rolled out");
+    assert_eq!(state["last_error"]["message"], "a lease ended before its group was rolled out");
     assert_eq!((number(&state["groups"]), number(&state["failed"])), (0, 0));
     model.release(50);
     let groups = pull(&api, "run", "wait_s=50").await;

@@ -116,7 +116,7 @@ async fn invalid_filters_are_rejected_with_the_valid_values() {
         ("state=lost", 400, "finished"),
         ("role=probe", 400, "frontier"),
         ("order=random", 400, "worst_score"),
-        ("task=kessler/nothing", 422, "there is no task kessler/nothing"),
+        ("task=kessler/nothing", 422, "task kessler/nothing does not exist"),
         ("mode=boredom", 422, "collision"),
         ("layout=7", 400, "layout"),
         ("cursor=7", 422, "cursor"),
@@ -133,5 +133,5 @@ async fn invalid_filters_are_rejected_with_the_valid_values() {
         .await
         .expect(422)
         .to_string();
-    assert!(other.contains("in the order worst_score"), "{other}");
+    assert!(other.contains("order=worst_score"), "{other}");
 }
