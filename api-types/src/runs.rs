@@ -23,6 +23,8 @@ pub struct RunSummary {
     pub archived_at: Option<String>,
     /// Newest policy version that the trainer reported.
     pub policy_version: i64,
+    /// Tags of the run, in alphabetical order.
+    pub tags: Vec<String>,
     /// Complete settings of the run.
     #[schema(value_type = Object)]
     pub settings: Value,
@@ -79,12 +81,31 @@ pub struct RunQuery {
     /// True for archived runs, false for the others (default false).
     #[serde(default)]
     pub archived: bool,
+    /// Tag of the runs to list (default: runs with any tags).
+    pub tag: Option<String>,
     /// Largest number of runs on a page, from 1 to 500 (default 50).
     #[param(minimum = 1, maximum = 500, default = 50)]
     #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 500>")]
     pub limit: Option<u32>,
     /// Field `next` of the previous page.
     pub cursor: Option<String>,
+}
+
+/// Tags of a run.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RunTagsRequest {
+    /// All tags of the run, at most 32. A tag has 1 to 64 of a-z, 0-9, _, ., : and -, and begins with a letter or a digit.
+    pub tags: Vec<String>,
+}
+
+/// Confirmation of a deletion.
+#[derive(Debug, Clone, Serialize, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct RunDeletionQuery {
+    /// Name of the run, which confirms the deletion.
+    pub name: String,
 }
 
 /// Newest policy version of a run.

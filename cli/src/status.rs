@@ -71,7 +71,7 @@ struct RunStatusLine {
 }
 
 async fn show_server(connection: &Connection, json: bool) -> anyhow::Result<()> {
-    let mut runs = list_runs(&connection.api, false).await?;
+    let mut runs = list_runs(&connection.api, false, None).await?;
     runs.reverse();
     let run_count = runs.len();
     let mut lines = Vec::new();

@@ -10,8 +10,9 @@ use super::output;
 /// Print the events of a run as they happen, until Ctrl-C.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Events: run (created, changed, paused, resumed, archived), lease, group (closed), move (of a level), claim (of columns), failures, \
-design and warning. If the connection breaks, the command connects again and misses no event.
+Events: run (created, changed, tagged, paused, resumed, archived, deleted), lease, group (closed), move (of a level), claim \
+(of columns), failures, design and warning. If the connection breaks, the command connects again and misses no event. It ends \
+when the run is deleted.
 
 Examples:
   sparring tail
@@ -38,7 +39,7 @@ pub struct Args {
     server: ServerArgs,
 }
 
-/// Prints events until Ctrl-C, or until stdout is closed.
+/// Prints events until Ctrl-C, until stdout is closed, or until the run is deleted.
 ///
 /// # Errors
 /// Returns an error if the server cannot be reached or the run does not exist.
@@ -64,6 +65,9 @@ async fn follow(connection: &Connection, args: &Args) -> anyhow::Result<()> {
         let is_wanted = args.kinds.is_empty() || args.kinds.contains(&event.kind) || event.kind == "gap";
         if is_wanted && !output::print_unless_closed(&line(&event, args.json))? {
             return Ok(());
+        }
+        if event.kind == "run" && event.data["state"] == "deleted" {
+            return Ok(()); // the server closes the stream
         }
     }
 }

@@ -102,7 +102,8 @@ pub async fn oldest(conn: &mut SqliteConnection, limit: i64) -> Result<Vec<Criti
     Ok(sqlx::query_as!(
         CritiqueJob,
         "SELECT q.id, q.run, q.task, q.lease, l.group_size, q.numbers, q.episodes
-         FROM critique_queue q JOIN leases l ON l.id = q.lease ORDER BY q.id LIMIT ?",
+         FROM critique_queue q JOIN leases l ON l.id = q.lease JOIN runs r ON r.id = q.run
+         WHERE r.deleted_at IS NULL ORDER BY q.id LIMIT ?",
         limit
     )
     .fetch_all(conn)
@@ -130,7 +131,8 @@ pub async fn dequeue(conn: &mut SqliteConnection, ids: &[i64]) -> Result<BTreeSe
 /// Returns [`StoreError::Database`] if the query fails.
 pub async fn waiting_by_run(conn: &mut SqliteConnection) -> Result<BTreeMap<String, i64>, StoreError> {
     let rows = query!(
-        r#"SELECT run AS "run!", sum(episodes) AS "episodes!: i64" FROM critique_queue GROUP BY run ORDER BY run"#
+        r#"SELECT run AS "run!", sum(episodes) AS "episodes!: i64" FROM critique_queue
+           WHERE run NOT IN (SELECT id FROM runs WHERE deleted_at IS NOT NULL) GROUP BY run ORDER BY run"#
     )
     .fetch_all(conn)
     .await?;

@@ -143,7 +143,11 @@ macro_rules! query_evaluations {
 /// # Errors
 /// Returns [`StoreError::Database`] if the query fails.
 pub async fn get(conn: &mut SqliteConnection, id: i64) -> Result<Option<EvaluationRow>, StoreError> {
-    Ok(query_evaluations!("WHERE id = ?", id).fetch_optional(conn).await?)
+    Ok(query_evaluations!(
+        "WHERE id = ? AND NOT EXISTS (SELECT 1 FROM runs r WHERE r.id = evaluations.run AND r.deleted_at IS NOT NULL)",
+        id
+    )
+    .fetch_optional(conn).await?)
 }
 
 /// Reads evaluations with numbers below `before`, newest first.
@@ -155,7 +159,14 @@ pub async fn page(
     before: i64,
     limit: i64,
 ) -> Result<Vec<EvaluationRow>, StoreError> {
-    Ok(query_evaluations!("WHERE id < ? ORDER BY id DESC LIMIT ?", before, limit).fetch_all(conn).await?)
+    Ok(query_evaluations!(
+        "WHERE id < ? AND NOT EXISTS (SELECT 1 FROM runs r WHERE r.id = evaluations.run AND r.deleted_at IS NOT NULL)
+         ORDER BY id DESC LIMIT ?",
+        before,
+        limit
+    )
+    .fetch_all(conn)
+    .await?)
 }
 
 /// Reads the number of the oldest evaluation that the server has to run.
@@ -174,7 +185,9 @@ pub async fn oldest_of_server(conn: &mut SqliteConnection) -> Result<Option<i64>
 /// Returns [`StoreError::Database`] if the query fails.
 pub async fn count_unfinished(conn: &mut SqliteConnection) -> Result<i64, StoreError> {
     Ok(sqlx::query_scalar!(
-        r#"SELECT count(*) AS "n!: i64" FROM evaluations WHERE state IN ('open', 'running')"#
+        r#"SELECT count(*) AS "n!: i64" FROM evaluations
+           WHERE state IN ('open', 'running')
+                 AND NOT EXISTS (SELECT 1 FROM runs r WHERE r.id = evaluations.run AND r.deleted_at IS NOT NULL)"#
     )
     .fetch_one(conn)
     .await?)

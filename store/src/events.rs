@@ -128,13 +128,17 @@ pub async fn after(
     .await?)
 }
 
-/// Reads the number of the last event of a run that was deleted; 0 if none was.
+/// Reads the number of the last event of a run that was deleted; 0 if none was. None if the run itself does not exist.
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if the query fails.
-pub async fn last_deleted(conn: &mut SqliteConnection, run: &str) -> Result<i64, StoreError> {
-    let last = sqlx::query_scalar!("SELECT last_id FROM deleted_run_events WHERE run = ?", run);
-    Ok(last.fetch_optional(conn).await?.unwrap_or(0))
+pub async fn last_deleted(conn: &mut SqliteConnection, run: &str) -> Result<Option<i64>, StoreError> {
+    let last = sqlx::query_scalar!(
+        r#"SELECT coalesce((SELECT last_id FROM deleted_run_events WHERE run = r.id), 0) AS "last!: i64"
+           FROM runs r WHERE r.id = ? AND r.deleted_at IS NULL"#,
+        run
+    );
+    Ok(last.fetch_optional(conn).await?)
 }
 
 /// Reads the number of the newest event of a run; 0 if there is none.
@@ -159,7 +163,7 @@ pub async fn before_last(conn: &mut SqliteConnection, run: &str, n: u32) -> Resu
     );
     match before.fetch_optional(&mut *conn).await? {
         Some(id) => Ok(id),
-        None => last_deleted(conn, run).await,
+        None => Ok(last_deleted(conn, run).await?.unwrap_or(0)),
     }
 }
 

@@ -171,12 +171,20 @@ pub async fn delete_scenarios(conn: &mut SqliteConnection, ids: &[Vec<u8>]) -> R
     )
     .fetch_all(&mut *conn)
     .await?;
-    let recipes = hex_list(&recipes)?;
+    delete_recipes(conn, &recipes).await
+}
+
+/// Deletes those of these recipes that nothing refers to.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn delete_recipes(conn: &mut SqliteConnection, ids: &[Vec<u8>]) -> Result<(), StoreError> {
+    let ids = hex_list(ids)?;
     query!(
         "DELETE FROM recipes WHERE id IN (SELECT unhex(value) FROM json_each(?))
              AND NOT EXISTS (SELECT 1 FROM scenarios s WHERE s.recipe = recipes.id)
              AND NOT EXISTS (SELECT 1 FROM seed_ranges r WHERE r.recipe = recipes.id)",
-        recipes
+        ids
     )
     .execute(conn)
     .await?;

@@ -98,7 +98,7 @@ pub async fn runs(conn: &mut SqliteConnection) -> Result<Vec<RunSize>, StoreErro
                   (SELECT coalesce(sum(episodes), 0) FROM claim_counters c WHERE c.run = r.id) AS "claimed!: i64",
                   (SELECT count(*) FROM level_moves m WHERE m.run = r.id) AS "moves!: i64",
                   (SELECT count(*) FROM layouts y WHERE y.run = r.id AND y.state <> 'refused') AS "layouts!: i64"
-           FROM runs r ORDER BY r.created_at, r.id"#
+           FROM runs r WHERE r.deleted_at IS NULL ORDER BY r.created_at, r.id"#
     )
     .fetch_all(conn)
     .await?)
@@ -124,7 +124,7 @@ pub async fn check_file(conn: &mut SqliteConnection) -> Result<Vec<String>, Stor
     Ok(found)
 }
 
-/// Checks that rows that are stored whole agree with each other. Returns the findings as sentences.
+/// Checks that rows that are stored whole agree with each other, except those of runs that are being deleted. Returns the findings as sentences.
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if a query fails.
@@ -132,6 +132,7 @@ pub async fn check_rows(conn: &mut SqliteConnection) -> Result<Vec<String>, Stor
     let mut found = Vec::new();
     let logs = query!(
         r#"SELECT e.lease AS "lease!", e.number AS "number!" FROM episodes e
+           JOIN leases l ON l.id = e.lease JOIN runs r ON r.id = l.run AND r.deleted_at IS NULL
            WHERE e.outcome IS NOT NULL
                  AND NOT EXISTS (SELECT 1 FROM action_logs a WHERE a.lease = e.lease AND a.number = e.number)
            LIMIT 20"#
@@ -144,7 +145,7 @@ pub async fn check_rows(conn: &mut SqliteConnection) -> Result<Vec<String>, Stor
                   (SELECT count(*) FROM episodes e WHERE e.lease = g.lease AND e.state = 'finished'
                        AND e.number >= g.number * l.group_size AND e.number < (g.number + 1) * l.group_size)
                       AS "there!: i64"
-           FROM groups g JOIN leases l ON l.id = g.lease
+           FROM groups g JOIN leases l ON l.id = g.lease JOIN runs r ON r.id = l.run AND r.deleted_at IS NULL
            WHERE l.form = 'groups' AND l.is_compacted = 0 AND g.finished <> (
                SELECT count(*) FROM episodes e WHERE e.lease = g.lease AND e.state = 'finished'
                    AND e.number >= g.number * l.group_size AND e.number < (g.number + 1) * l.group_size)
@@ -257,14 +258,15 @@ pub struct ScoredEpisode {
     pub score: f64,
 }
 
-/// Reads a random sample of the episodes that have an action log.
+/// Reads a random sample of the episodes that have an action log. Skips runs that are being deleted.
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if the query fails.
 pub async fn sample(conn: &mut SqliteConnection, count: i64) -> Result<Vec<ScoredEpisode>, StoreError> {
     let rows = query!(
-        r#"SELECT lease AS "lease!", number AS "number!", score AS "score!: f64" FROM episodes
-           WHERE outcome IS NOT NULL ORDER BY random() LIMIT ?"#,
+        r#"SELECT e.lease AS "lease!", e.number AS "number!", e.score AS "score!: f64" FROM episodes e
+           JOIN leases l ON l.id = e.lease JOIN runs r ON r.id = l.run AND r.deleted_at IS NULL
+           WHERE e.outcome IS NOT NULL ORDER BY random() LIMIT ?"#,
         count
     )
     .fetch_all(conn)

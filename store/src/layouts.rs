@@ -214,7 +214,11 @@ macro_rules! query_layouts {
 /// # Errors
 /// Returns [`StoreError::Database`] if the query fails.
 pub async fn get(conn: &mut SqliteConnection, id: i64) -> Result<Option<LayoutRow>, StoreError> {
-    Ok(query_layouts!("WHERE id = ?", id).fetch_optional(conn).await?)
+    Ok(query_layouts!(
+        "WHERE id = ? AND NOT EXISTS (SELECT 1 FROM runs r WHERE r.id = layouts.run AND r.deleted_at IS NOT NULL)",
+        id
+    )
+    .fetch_optional(conn).await?)
 }
 
 /// Filter of lists of layouts; a field that is none filters nothing.
@@ -273,6 +277,7 @@ pub async fn of_all_runs(
     Ok(query_layouts!(
         "WHERE state != 'refused' AND id < ?1 AND (?2 IS NULL OR task = ?2) AND (?3 IS NULL OR state = ?3)
                AND (?4 IS NULL OR mode = ?4)
+               AND NOT EXISTS (SELECT 1 FROM runs r WHERE r.id = layouts.run AND r.deleted_at IS NOT NULL)
          ORDER BY id DESC LIMIT ?5",
         before,
         filter.task,

@@ -131,7 +131,8 @@ pub(super) use query_leases;
 /// Numbers that the writer needs before it grants a lease.
 #[derive(Debug, Clone, Copy)]
 pub struct LeaseCounters {
-    /// Number of the next lease. Numbers are never reused: there is one writer, and the newest lease is never deleted.
+    /// Number of the next lease. Numbers are never reused: there is one writer, retention never deletes the newest lease, and the
+    /// deletion of a run keeps the highest number.
     pub next: i64,
     /// Active leases of the run.
     pub active: i64,
@@ -144,7 +145,8 @@ pub struct LeaseCounters {
 pub async fn counters(conn: &mut SqliteConnection, run: &str) -> Result<LeaseCounters, StoreError> {
     Ok(sqlx::query_as!(
         LeaseCounters,
-        r#"SELECT (SELECT coalesce(max(id), 0) + 1 FROM leases) AS "next!: i64",
+        r#"SELECT 1 + max((SELECT coalesce(max(id), 0) FROM leases),
+                            (SELECT coalesce(max(lease), 0) FROM highest_deleted_lease)) AS "next!: i64",
                   (SELECT count(*) FROM leases INDEXED BY leases_active WHERE run = ? AND status = 'active')
                       AS "active!: i64""#,
         run

@@ -35,7 +35,7 @@ pub async fn retained(conn: &mut SqliteConnection) -> Result<Vec<RetainedEpisode
                   coalesce((SELECT sum(groups * group_size) FROM leases INDEXED BY leases_to_compact
                             WHERE run = r.id AND form = 'columns' AND is_compacted = 0 AND status <> 'active'
                                   AND purpose <> 'eval'), 0) AS "claimed!: i64"
-           FROM runs r"#
+           FROM runs r WHERE r.deleted_at IS NULL"#
     )
     .fetch_all(conn)
     .await?)

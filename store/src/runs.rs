@@ -1,9 +1,12 @@
 //! Runs and their settings. Tables `runs` and `run_settings`.
+//!
+//! Functions that read runs skip those that are being deleted ([`run_deletion`](super::run_deletion)).
 
 use sqlx::{SqliteConnection, query};
 
 use super::{StoreError, text_enum};
 use crate::Millis;
+use crate::run_tags::{RunTag, RunTags};
 
 text_enum! {
     /// Status of a run: only active runs grant leases.
@@ -34,6 +37,21 @@ pub struct RunRow {
     pub created_at: Millis,
     /// When the run was archived; archived runs are left out of lists.
     pub archived_at: Option<Millis>,
+    /// Tags of the run.
+    pub tags: RunTags,
+}
+
+/// Selects [`RunRow`]s of runs that exist: takes what follows `FROM` and the arguments of the statement. The runs are `r`.
+macro_rules! query_runs {
+    ($rest:literal, $($argument:expr),+ $(,)?) => {
+        sqlx::query_as!(
+            RunRow,
+            r#"SELECT r.id, r.name, r.seed, r.status AS "status: RunStatus", r.settings, r.policy_version, r.created_at,
+                      r.archived_at, (SELECT json_group_array(tag) FROM run_tags WHERE run = r.id) AS "tags!: RunTags"
+               FROM "# + $rest,
+            $($argument),+
+        )
+    };
 }
 
 /// Position of a run in the order of creation.
@@ -56,7 +74,7 @@ pub struct SettingsRow {
     pub settings: String,
 }
 
-/// Stores a new run. Returns false if the id is taken.
+/// Stores a new run without tags. Returns false if the id is taken, possibly by a run that is being deleted.
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if a statement fails.
@@ -91,14 +109,16 @@ pub async fn insert(
 /// # Errors
 /// Returns [`StoreError::Database`] if the query fails.
 pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Option<RunRow>, StoreError> {
-    Ok(sqlx::query_as!(
-        RunRow,
-        r#"SELECT id, name, seed, status AS "status: RunStatus", settings, policy_version, created_at, archived_at
-           FROM runs WHERE id = ?"#,
-        id
-    )
-    .fetch_optional(conn)
-    .await?)
+    Ok(query_runs!("runs r WHERE r.id = ? AND r.deleted_at IS NULL", id).fetch_optional(conn).await?)
+}
+
+/// Returns true if a run exists.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn exists(conn: &mut SqliteConnection, id: &str) -> Result<bool, StoreError> {
+    let found = sqlx::query_scalar!("SELECT id FROM runs WHERE id = ? AND deleted_at IS NULL", id);
+    Ok(found.fetch_optional(conn).await?.is_some())
 }
 
 /// Reads runs in order of creation, newest last, after a cursor: archived runs, or all others.
@@ -111,10 +131,36 @@ pub async fn page(
     are_archived: bool,
     limit: i64,
 ) -> Result<Vec<RunRow>, StoreError> {
-    Ok(sqlx::query_as!(
-        RunRow,
-        r#"SELECT id, name, seed, status AS "status: RunStatus", settings, policy_version, created_at, archived_at
-           FROM runs WHERE (created_at, id) > (?, ?) AND (archived_at IS NOT NULL) = ? ORDER BY created_at, id LIMIT ?"#,
+    Ok(query_runs!(
+        "runs r WHERE (r.created_at, r.id) > (?, ?) AND r.deleted_at IS NULL AND (r.archived_at IS NOT NULL) = ?
+         ORDER BY r.created_at, r.id LIMIT ?",
+        after.created_at,
+        after.id,
+        are_archived,
+        limit
+    )
+    .fetch_all(conn)
+    .await?)
+}
+
+/// Reads the runs of a [`page`] that have a tag.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn page_with_tag(
+    conn: &mut SqliteConnection,
+    tag: &RunTag,
+    after: RunCursor<'_>,
+    are_archived: bool,
+    limit: i64,
+) -> Result<Vec<RunRow>, StoreError> {
+    let tag = tag.as_str();
+    Ok(query_runs!(
+        "run_tags t CROSS JOIN runs r ON r.id = t.run
+         WHERE t.tag = ? AND (t.run_created_at, t.run) > (?, ?) AND r.deleted_at IS NULL
+               AND (r.archived_at IS NOT NULL) = ?
+         ORDER BY t.run_created_at, t.run LIMIT ?",
+        tag,
         after.created_at,
         after.id,
         are_archived,
@@ -129,7 +175,9 @@ pub async fn page(
 /// # Errors
 /// Returns [`StoreError::Database`] if the query fails.
 pub async fn ids(conn: &mut SqliteConnection) -> Result<Vec<String>, StoreError> {
-    Ok(sqlx::query_scalar!("SELECT id FROM runs ORDER BY created_at, id").fetch_all(conn).await?)
+    Ok(sqlx::query_scalar!("SELECT id FROM runs WHERE deleted_at IS NULL ORDER BY created_at, id")
+        .fetch_all(conn)
+        .await?)
 }
 
 /// Pauses, resumes or archives a run.

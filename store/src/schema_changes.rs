@@ -6,10 +6,15 @@ use sqlx::migrate::Migrator;
 use sqlx::{Connection, SqliteConnection};
 
 use super::open::{open_current_readers_with, open_writer_with};
-use super::{OpenError, open_current_readers, open_writer};
+use super::run_tags::RunTags;
+use super::runs::{self, RunCursor};
+use super::{OpenError, open_current_readers, open_writer, run_deletion};
 
 /// Schema version of the synthetic migration.
 const FUTURE_SCHEMA: i64 = 9000;
+/// Statement that inserts a run.
+const RUN: &str = "INSERT INTO runs (id, name, seed, status, settings, created_at)
+                   VALUES ('run', 'first', 1, 'active', '{}', 0)";
 
 /// Creates the migrations of a future version: those of this version, and a synthetic one.
 async fn future_migrations(folder: &Path) -> Migrator {
@@ -27,9 +32,7 @@ async fn future_migrations(folder: &Path) -> Migrator {
 async fn current_database(folder: &Path) -> (PathBuf, i64) {
     let path = folder.join("db");
     let mut conn = open_writer(&path).await.expect("a database");
-    let run = "INSERT INTO runs (id, name, seed, status, settings, created_at)
-               VALUES ('run', 'first', 1, 'active', '{}', 0)";
-    sqlx::query(run).execute(&mut conn).await.expect("a run");
+    sqlx::query(RUN).execute(&mut conn).await.expect("a run");
     let schema = schema_of(&mut conn).await;
     conn.close().await.expect("the database closes");
     (path, schema)
@@ -69,6 +72,29 @@ async fn older_database_is_copied_and_changed() {
     let conn = open_writer_with(&path, &future).await.expect("the database is opened again");
     conn.close().await.expect("the database closes");
     assert!(!copy.exists());
+}
+
+#[tokio::test]
+async fn runs_of_the_first_schema_are_kept() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let first = folder.path().join("first");
+    std::fs::create_dir(&first).expect("a folder");
+    std::fs::copy("../migrations/0001_initial.sql", first.join("0001_initial.sql")).expect("a copy");
+    let first = Migrator::new(first).await.expect("a migration");
+    let path = folder.path().join("db");
+    let mut conn = open_writer_with(&path, &first).await.expect("a database");
+    sqlx::query(RUN).execute(&mut conn).await.expect("a run");
+    conn.close().await.expect("the database closes");
+
+    let mut conn = open_writer(&path).await.expect("the schema is changed");
+    assert!(copy_path(&path, 1, "").exists());
+    let run = runs::get(&mut conn, "run").await.expect("a query").expect("the run");
+    assert_eq!((run.name.as_str(), run.tags), ("first", RunTags::default()));
+    let cursor = RunCursor { created_at: -1, id: "" };
+    assert_eq!(runs::page(&mut conn, cursor, false, 10).await.expect("a query").len(), 1);
+    run_deletion::mark(&mut conn, "run", 1).await.expect("a change");
+    while run_deletion::delete_rows(&mut conn, "run").await.expect("a change") {}
+    assert_eq!(run_deletion::oldest_pending(&mut conn).await.expect("a query"), None);
 }
 
 #[tokio::test]

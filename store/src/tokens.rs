@@ -176,9 +176,12 @@ pub async fn set_used(conn: &mut SqliteConnection, id: i64, now: Millis) -> Resu
 /// # Errors
 /// Returns [`StoreError::Database`] if the query fails.
 pub async fn count_runs(conn: &mut SqliteConnection, id: i64) -> Result<i64, StoreError> {
-    Ok(sqlx::query_scalar!(r#"SELECT count(*) AS "n!: i64" FROM runs WHERE owner = ?"#, id)
-        .fetch_one(conn)
-        .await?)
+    Ok(sqlx::query_scalar!(
+        r#"SELECT count(*) AS "n!: i64" FROM runs WHERE owner = ? AND deleted_at IS NULL"#,
+        id
+    )
+    .fetch_one(conn)
+    .await?)
 }
 
 /// Counts the active leases of a token.

@@ -122,7 +122,7 @@ def before_add_examples(context, examples):
     """Adds bodies and queries that refer to existing resources, which random generation would not find."""
     for label, path, given in resources["examples"]:
         if label == context.operation.label:
-            given = {"query": given} if label.startswith("GET ") else {} if given is None else {"body": given, "media_type": JSON_TYPE}
+            given = {"query": given} if label.startswith(("GET ", "DELETE ")) else {} if given is None else {"body": given, "media_type": JSON_TYPE}
             examples.append(context.operation.Case(path_parameters=path, **given))
 
 
@@ -178,8 +178,9 @@ def wait_for(what, ready):
 
 def create_resources(url):
     """Creates a run with server rollouts, leases of both forms with results, and designs; returns their ids."""
-    for run in ("real", "spare"):
+    for run in ("real", "spare", "unwanted"):
         request_json(url, "POST", "/v1/runs", {"id": run, "seed": 1, "group_size": 2, "placement": False, "tasks": [TASK]})
+    request_json(url, "POST", "/v1/runs/unwanted/archive")
     at = "/v1/runs/real"
     request_json(url, "PUT", at + "/policy", {"policy": "random", "max_unacknowledged_groups": 64})  # the random policy fails, so that the designer has failures to aim at
     leases = [request_json(url, "POST", at + "/leases", {"groups": 2, "ttl_s": 86400}) for _ in range(2)]
@@ -208,6 +209,7 @@ def create_resources(url):
         "examples": [
             ("GET /v1/evaluations/compare", {}, {"a": evaluations[0], "b": evaluations[1]}),
             ("POST /v1/evaluations/{evaluation}/cancel", {"evaluation": given_up}, None),
+            ("DELETE /v1/runs/{run}", {"run": "unwanted"}, {"name": "unwanted"}),
             ("POST /step", {}, {"burns": []}),
             ("POST /v1/scenarios", {}, {"scenario": scenario}),
             ("POST /v1/scenarios", {}, {"scenario": scenario, "actions": actions, "telemetry": True}),

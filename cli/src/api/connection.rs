@@ -78,6 +78,17 @@ impl Connection {
         self.own.is_none()
     }
 
+    /// Deletes the data of deleted runs, if no server does.
+    ///
+    /// # Errors
+    /// Returns an error if the database cannot be written.
+    pub(crate) async fn finish_deletions(&self) -> anyhow::Result<()> {
+        if let Some(service) = &self.own {
+            service.finish_deletions().await?;
+        }
+        Ok(())
+    }
+
     /// Stops the service of this process, if there is one.
     pub(crate) async fn close(self) {
         if let Some(service) = self.own {

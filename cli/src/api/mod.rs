@@ -101,6 +101,30 @@ impl ApiClient {
         self.send(Method::POST, path, None::<&()>).await
     }
 
+    /// Sends a PUT request.
+    ///
+    /// # Errors
+    /// Returns the errors of [`ApiClient::get`].
+    pub(crate) async fn put<A: DeserializeOwned>(
+        &self,
+        path: &str,
+        body: &impl Serialize,
+    ) -> anyhow::Result<A> {
+        self.send(Method::PUT, path, Some(body)).await
+    }
+
+    /// Sends a DELETE request with a query.
+    ///
+    /// # Errors
+    /// Returns the errors of [`ApiClient::get`].
+    pub(crate) async fn delete<A: DeserializeOwned>(
+        &self,
+        path: &str,
+        query: &[(&str, &str)],
+    ) -> anyhow::Result<A> {
+        self.send(Method::DELETE, &with_query(path, query), None::<&()>).await
+    }
+
     async fn send<A: DeserializeOwned>(
         &self,
         method: Method,
@@ -198,6 +222,13 @@ impl ApiClient {
     }
 }
 
+/// Returns a path with an encoded query.
+pub(crate) fn with_query(path: &str, query: &[(&str, &str)]) -> String {
+    let encoded = Url::parse_with_params("http://localhost", query);
+    let encoded = encoded.ok().and_then(|url| url.query().map(str::to_owned)).unwrap_or_default();
+    format!("{path}?{encoded}")
+}
+
 /// Returns the pause before the next attempt: Retry-After in seconds, or one second if the header is missing or invalid.
 fn pause(retry_after: Option<&str>) -> Duration {
     let seconds = retry_after.and_then(|text| text.trim().parse().ok()).unwrap_or(1);
@@ -215,6 +246,12 @@ mod tests {
         assert_eq!(pause(Some("3600")), MAX_PAUSE);
         assert_eq!(pause(Some("Wed, 21 Oct 2026 07:28:00 GMT")), Duration::from_secs(1));
         assert_eq!(pause(None), Duration::from_secs(1));
+    }
+
+    #[test]
+    fn query_is_encoded() {
+        let path = with_query("/v1/runs/a", &[("name", "b & c = 100 %"), ("tag", "lr:1")]);
+        assert_eq!(path, "/v1/runs/a?name=b+%26+c+%3D+100+%25&tag=lr%3A1");
     }
 
     #[test]

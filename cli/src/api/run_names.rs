@@ -3,18 +3,24 @@
 use anyhow::bail;
 use api_types::{RunPage, RunSummary};
 
-use super::ApiClient;
+use super::{ApiClient, with_query};
 use crate::names::suggest;
 
 /// Number of runs in one request.
-const PAGE: u32 = 500;
+const PAGE: &str = "500";
 
-/// Lists all runs, oldest first: the archived ones, or the others.
+/// Lists all runs, or those with a tag, oldest first: the archived ones, or the others.
 ///
 /// # Errors
 /// Returns the errors of [`ApiClient::get`].
-pub(crate) async fn list_runs(api: &ApiClient, archived: bool) -> anyhow::Result<Vec<RunSummary>> {
-    let first = format!("/v1/runs?limit={PAGE}&archived={archived}");
+pub(crate) async fn list_runs(
+    api: &ApiClient,
+    archived: bool,
+    tag: Option<&str>,
+) -> anyhow::Result<Vec<RunSummary>> {
+    let mut query = vec![("limit", PAGE), ("archived", if archived { "true" } else { "false" })];
+    query.extend(tag.map(|tag| ("tag", tag)));
+    let first = with_query("/v1/runs", &query);
     let mut page: RunPage = api.get(&first).await?;
     let mut runs = page.runs;
     while let Some(cursor) = page.next {
@@ -29,11 +35,11 @@ pub(crate) async fn list_runs(api: &ApiClient, archived: bool) -> anyhow::Result
 /// # Errors
 /// Returns an error that lists the candidates or similar names if no single run is meant.
 pub(crate) async fn find_run(api: &ApiClient, wanted: Option<&str>) -> anyhow::Result<RunSummary> {
-    let mut runs = list_runs(api, false).await?;
+    let mut runs = list_runs(api, false, None).await?;
     if wanted.is_none() {
         return only_run(runs);
     }
-    runs.append(&mut list_runs(api, true).await?);
+    runs.append(&mut list_runs(api, true, None).await?);
     select_run(runs, wanted.unwrap_or_default())
 }
 
@@ -91,6 +97,7 @@ mod tests {
             created_at: String::new(),
             archived_at: None,
             policy_version: 0,
+            tags: Vec::new(),
             settings: Value::Null,
         }
     }

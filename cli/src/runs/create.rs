@@ -41,6 +41,9 @@ pub(super) struct Args {
     /// Seed of the run's random streams [default: drawn by the server]
     #[arg(long, value_name = "SEED", value_parser = clap::value_parser!(u64).range(..1 << 51))]
     seed: Option<u64>,
+    /// Tag of the run, such as baseline or lr:3e-4; repeat the flag for several
+    #[arg(long = "tag", value_name = "TAG", value_delimiter = ',')]
+    tags: Vec<String>,
     /// Set another field, such as max_staleness=2 or design.designer=off; repeat the flag for several
     #[arg(long = "set", value_name = "FIELD=VALUE", value_parser = parse_field)]
     fields: Vec<(String, Value)>,
@@ -73,6 +76,7 @@ impl Args {
             ("name", self.name.as_ref().map(|name| json!(name))),
             ("id", self.id.as_ref().map(|id| json!(id))),
             ("tasks", (!self.tasks.is_empty()).then(|| json!(self.tasks))),
+            ("tags", (!self.tags.is_empty()).then(|| json!(self.tags))),
             ("strategy", self.strategy.as_ref().map(|strategy| json!(strategy))),
             ("group_size", self.group_size.map(|size| json!(size))),
             ("seed", self.seed.map(|seed| json!(seed))),
@@ -118,10 +122,10 @@ mod tests {
 
     #[test]
     fn flags_and_fields_form_the_request() {
-        let line = "create --name a --task survival,docking/single --strategy plr --seed 3 --set max_staleness=2 \
+        let line = "create --name a --tag x --tag lr:1,y --task survival,docking/single --strategy plr --seed 3 --set max_staleness=2 \
                     --set strategy_settings.replay=0.5 --set strategy_settings.score=max_mc --set design.designer=off";
         let expected = json!({
-            "name": "a", "tasks": ["kessler/survival", "docking/single"], "strategy": "plr", "seed": 3,
+            "name": "a", "tags": ["x", "lr:1", "y"], "tasks": ["kessler/survival", "docking/single"], "strategy": "plr", "seed": 3,
             "max_staleness": 2, "strategy_settings": {"replay": 0.5, "score": "max_mc"}, "design": {"designer": "off"}
         });
         assert_eq!(request(line).unwrap(), expected);

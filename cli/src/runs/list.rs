@@ -12,19 +12,28 @@ pub(super) struct Args {
     /// List archived runs instead of the others
     #[arg(long)]
     archived: bool,
+    /// List only the runs with this tag
+    #[arg(long, value_name = "TAG")]
+    tag: Option<String>,
     #[command(flatten)]
     output: JsonFlag,
 }
 
 pub(super) async fn run(api: &ApiClient, args: &Args) -> anyhow::Result<()> {
-    let mut runs = list_runs(api, args.archived).await?;
+    let mut runs = list_runs(api, args.archived, args.tag.as_deref()).await?;
     runs.reverse();
     if args.output.json {
         return output::print_json(&runs);
     }
     if runs.is_empty() && OutputTarget::stdout() != OutputTarget::Piped {
-        let what = if args.archived { "archived runs" } else { "runs; `sparring runs create` creates one" };
-        return output::print(&format!("There are no {what}."));
+        return output::print(&match (args.archived, &args.tag) {
+            (true, None) => "There are no archived runs.".to_owned(),
+            (true, Some(tag)) => format!("There are no archived runs with the tag {tag}."),
+            (false, None) => "There are no runs; `sparring runs create` creates one.".to_owned(),
+            (false, Some(tag)) => {
+                format!("There are no runs with the tag {tag}; `sparring runs tag` adds tags to runs.")
+            }
+        });
     }
     output::print(&table(&runs).render(OutputTarget::stdout()))
 }
@@ -36,7 +45,8 @@ fn table(runs: &[RunSummary]) -> TextTable {
         Column::text("status"),
         Column::text("strategy").optional(2),
         Column::prose("tasks").optional(3),
-        Column::number("policy version").optional(4),
+        Column::number("policy version").optional(5),
+        Column::prose("tags").optional(4),
         Column::text("created").optional(1),
     ]);
     for run in runs {
@@ -47,6 +57,7 @@ fn table(runs: &[RunSummary]) -> TextTable {
             strategy(&run.settings).to_owned(),
             tasks(&run.settings).join(", "),
             run.policy_version.to_string(),
+            run.tags.join(", "),
             run.created_at.clone(),
         ]);
     }

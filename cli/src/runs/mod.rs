@@ -1,9 +1,11 @@
-//! `sparring runs`: lists, shows, creates and changes runs, over HTTP or in a database without a server.
+//! `sparring runs`: lists, shows, creates, changes and deletes runs, over HTTP or in a database without a server.
 
 mod change;
 mod create;
+mod delete;
 mod list;
 mod show;
+mod tag;
 
 use std::process::ExitCode;
 
@@ -13,7 +15,7 @@ use clap::Subcommand;
 
 use super::api::{Connection, ServerArgs};
 
-/// List, show, create, pause, resume or archive runs.
+/// List, show, create, tag, pause, resume, archive or delete runs.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 RUN is the id of a run, the beginning of one id only, or the name of one run only. Where only one run is not archived, RUN can be \
@@ -25,7 +27,10 @@ Examples:
   sparring runs list
   sparring runs create --name baseline --task survival --group-size 8
   sparring runs show baseline
+  sparring runs tag baseline lr:3e-4 paper --remove draft
+  sparring runs list --tag paper
   sparring runs pause run-1a
+  sparring runs delete run-1a --archive
   sparring runs list --url http://trainer.example.com:8700 --json")]
 pub struct Args {
     #[command(flatten)]
@@ -39,9 +44,11 @@ enum Command {
     List(list::Args),
     Show(show::Args),
     Create(create::Args),
+    Tag(tag::Args),
     Pause(change::PauseArgs),
     Resume(change::ResumeArgs),
     Archive(change::ArchiveArgs),
+    Delete(delete::Args),
 }
 
 /// Runs the subcommand.
@@ -57,9 +64,11 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             Command::List(args) => list::run(api, args).await,
             Command::Show(args) => show::run(api, args).await,
             Command::Create(args) => create::run(api, args).await,
+            Command::Tag(args) => tag::run(api, args).await,
             Command::Pause(args) => change::pause(api, args).await,
             Command::Resume(args) => change::resume(api, args).await,
             Command::Archive(args) => change::archive(api, args).await,
+            Command::Delete(args) => delete::run(&connection, args).await,
         };
         connection.close().await;
         done.map(|()| ExitCode::SUCCESS)

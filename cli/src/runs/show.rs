@@ -54,6 +54,9 @@ impl RunDetails {
             summary.seed,
             summary.created_at
         ));
+        if !summary.tags.is_empty() {
+            report.line(format!("Tags: {}.", summary.tags.join(", ")));
+        }
         report.line(format!(
             "{} episodes, {:.1} episodes/s over the last 5 minutes, {} active leases, policy version {}.",
             overview.episodes, overview.episodes_per_s, overview.leases, summary.policy_version

@@ -28,7 +28,10 @@ impl Change for StoreCritiques {
             by_task.entry((result.job.run.clone(), result.job.task.clone())).or_default().push(result);
         }
         for ((run_id, task), results) in by_task {
-            let mut run = tx.run(&run_id).await?;
+            let mut run = match tx.run(&run_id).await {
+                Err(ServiceError::UnknownRun(_)) => continue, // it was deleted meanwhile
+                run => run?,
+            };
             let mut profile = match run.state.profiles.remove(&task) {
                 Some(profile) => profile,
                 None => ProfileCache::load(run.conn, &run_id, &task).await?,

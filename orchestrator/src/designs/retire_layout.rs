@@ -25,6 +25,7 @@ impl Change for SetLayoutRetired {
     type Output = LayoutRow;
 
     async fn apply(self, tx: &mut WriteTx) -> Result<LayoutRow, ServiceError> {
+        tx.run(self.run.as_str()).await?;
         let (now, conn) = (tx.now, &mut tx.conn);
         let row = find_layout(conn, &self.run, self.layout).await?;
         let status = LayoutStatus::from_stored(row.state, row.retirement_reason)

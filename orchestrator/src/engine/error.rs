@@ -40,6 +40,20 @@ pub enum ServiceError {
     /// The run id is taken.
     #[error("run {0} already exists; choose another id")]
     RunExists(String),
+    /// The run with this id is being deleted.
+    #[error("run {0} is being deleted; choose another id, or retry when the deletion is complete")]
+    RunBeingDeleted(String),
+    /// A run is deleted only after it was archived.
+    #[error("run {0} must be archived before it is deleted; archive it with POST /v1/runs/{0}/archive")]
+    RunNotArchived(String),
+    /// The name that confirms a deletion is not that of the run.
+    #[error("must be the name of run {run}, got {name:?}; GET /v1/runs/{run} returns the name")]
+    RunNameMismatch {
+        /// Id of the run.
+        run: String,
+        /// Name in the request.
+        name: String,
+    },
     /// The run is paused and grants no leases.
     #[error("run {0} is paused; resume it to create leases")]
     Paused(String),

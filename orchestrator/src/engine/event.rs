@@ -19,9 +19,9 @@ use curriculum::LevelMove;
 #[derive(Debug, Clone, Serialize)]
 #[serde(untagged)]
 pub enum RunEvent<'a> {
-    /// The run was created, changed, paused, resumed or archived.
+    /// The run was created, changed, tagged, paused, resumed or archived.
     Run {
-        /// `created`, `changed` (other settings), `paused`, `resumed` or `archived`.
+        /// `created`, `changed` (other settings), `tagged` (other tags), `paused`, `resumed` or `archived`.
         state: &'a str,
     },
     /// A lease was created or changed its state.

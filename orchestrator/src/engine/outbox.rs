@@ -30,6 +30,8 @@ pub struct Outbox {
     histories: HashMap<String, HistoryWriter>,
     /// Events emitted for each run since its ring was trimmed.
     since_trim: HashMap<String, u32>,
+    /// Runs that this transaction deletes.
+    deleted_runs: Vec<String>,
 }
 
 #[derive(Debug, Default)]
@@ -61,6 +63,11 @@ impl Outbox {
         if !self.signals.contains(&signal) {
             self.signals.push(signal);
         }
+    }
+
+    /// Forgets the history state of a run that the current change deletes, once the transaction is written.
+    pub(crate) fn forget_run(&mut self, run: &str) {
+        self.deleted_runs.push(run.to_owned());
     }
 
     /// Keeps the effects of a change that succeeded.
@@ -98,6 +105,20 @@ impl Outbox {
             let history = self.histories.entry(run.clone()).or_default();
             history.write(conn, &run, runs.get(&run), parts, now).await?;
         }
+        self.write_events(conn, events).await?;
+        for run in self.deleted_runs.drain(..) {
+            self.histories.remove(&run);
+            self.since_trim.remove(&run);
+        }
+        Ok(())
+    }
+
+    /// Writes run events, and trims the rings of kept events that are due.
+    async fn write_events(
+        &mut self,
+        conn: &mut SqliteConnection,
+        events: Vec<NewEvent>,
+    ) -> Result<(), StoreError> {
         if events.is_empty() {
             return Ok(());
         }

@@ -48,6 +48,11 @@ impl RunCache {
         self.runs.values()
     }
 
+    /// Evicts a run that the current change deletes.
+    pub(crate) fn evict(&mut self, run: &str) {
+        self.runs.remove(run);
+    }
+
     /// Starts a new change: no run is touched yet.
     pub(crate) fn begin_change(&mut self) {
         self.touched.clear();

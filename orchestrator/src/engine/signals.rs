@@ -15,7 +15,9 @@ pub enum Signal {
     Design,
     /// A run's policy may have room in its feed.
     Rollout,
-    /// Run events were emitted.
+    /// A run was deleted, and its rows are left.
+    Delete,
+    /// Run events were emitted, or a run was deleted.
     Events,
     /// Groups were pushed to a trajectory feed.
     Feed,
@@ -32,7 +34,9 @@ pub struct WorkerSignals {
     pub design: Arc<Notify>,
     /// Wakes the worker that rolls out policies.
     pub rollout: Arc<Notify>,
-    /// Counts the commits that emitted run events, for event streams.
+    /// Wakes the worker that deletes the rows of deleted runs.
+    pub delete: Arc<Notify>,
+    /// Counts the commits that emitted run events or deleted a run, for event streams.
     pub events: Arc<watch::Sender<u64>>,
     /// Counts the commits that pushed groups to a feed, for trainers that long-poll.
     pub feed: watch::Sender<u64>,
@@ -46,6 +50,7 @@ impl WorkerSignals {
             Signal::Critique => self.critique.notify_one(),
             Signal::Design => self.design.notify_one(),
             Signal::Rollout => self.rollout.notify_one(),
+            Signal::Delete => self.delete.notify_one(),
             Signal::Events => self.events.send_modify(|commits| *commits += 1),
             Signal::Feed => self.feed.send_modify(|commits| *commits += 1),
         }

@@ -146,6 +146,7 @@ impl Change for FillSuiteLease {
 
     async fn apply(self, tx: &mut WriteTx) -> Result<GrantedLease, ServiceError> {
         let Self { row, evaluation, prepared } = self;
+        tx.run(&row.run).await?; // it may have been deleted since the lease was reserved
         let row = leases::get(&mut tx.conn, row.id).await?.ok_or_else(|| unknown(evaluation))?;
         if !row.is_active() {
             return Err(ServiceError::LeaseClosed { lease: row.name(), status: row.status });

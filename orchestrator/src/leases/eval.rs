@@ -100,6 +100,7 @@ impl Change for FillEvalLease {
     async fn apply(self, tx: &mut WriteTx) -> Result<GrantedLease, ServiceError> {
         let row = leases::get(&mut tx.conn, self.lease).await?;
         let row = row.ok_or_else(|| ServiceError::UnknownLease(self.lease.to_string()))?;
+        tx.run(&row.run).await?; // it may have been deleted since the lease was reserved
         if !row.is_active() {
             return Err(ServiceError::LeaseClosed { lease: row.name(), status: row.status });
         }

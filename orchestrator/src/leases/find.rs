@@ -4,6 +4,7 @@ use sqlx::SqliteConnection;
 use store::compacted_leases;
 use store::ids::{LeaseId, RunId};
 use store::leases::{self, LeaseRow};
+use store::runs;
 
 use crate::engine::error::ServiceError;
 
@@ -20,6 +21,10 @@ pub async fn find_lease(
         None => compacted_leases::get(conn, run.as_str(), lease.number).await?.map(|lease| lease.row),
         row => row,
     };
-    row.filter(|row| row.id_suffix == lease.suffix && row.run == run.as_str())
-        .ok_or_else(|| ServiceError::UnknownLease(lease.to_string()))
+    let row = row.filter(|row| row.id_suffix == lease.suffix && row.run == run.as_str());
+    // A deleted run has no active lease.
+    if !row.as_ref().is_some_and(LeaseRow::is_active) && !runs::exists(conn, run.as_str()).await? {
+        return Err(ServiceError::UnknownRun(run.to_string()));
+    }
+    row.ok_or_else(|| ServiceError::UnknownLease(lease.to_string()))
 }

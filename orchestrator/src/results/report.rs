@@ -37,6 +37,7 @@ impl Change for StoreResults {
     const IS_BULK: bool = true;
 
     async fn apply(self, tx: &mut WriteTx) -> Result<Self::Output, ServiceError> {
+        tx.run(self.run.as_str()).await?; // it may have been deleted since the replay
         let AuditedReport { episodes, brackets } = self.report;
         for deferred in &brackets {
             let group = deferred.group;

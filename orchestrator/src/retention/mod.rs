@@ -5,4 +5,5 @@
 pub mod collect_garbage;
 pub mod compact_leases;
 pub mod delete_old_minutes;
+pub mod delete_run_rows;
 mod move_evidence;

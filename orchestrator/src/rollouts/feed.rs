@@ -42,6 +42,7 @@ impl Change for DeliverGroups {
     type Output = Vec<FeedGroup>;
 
     async fn apply(self, tx: &mut WriteTx) -> Result<Vec<FeedGroup>, ServiceError> {
+        tx.run(self.run.as_str()).await?;
         let (now, conn) = (tx.now, &mut tx.conn);
         let mut groups =
             limit_bytes(trajectories::deliverable(conn, self.run.as_str(), now, self.limit).await?);

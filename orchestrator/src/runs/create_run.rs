@@ -1,8 +1,11 @@
 //! Creates runs from requests.
 
+use std::collections::BTreeSet;
+
 use api_types::RunRequest;
 use env_core::{SEED_REQUIREMENT, Seed};
 use store::ids::{RunId, random_seed, random_token};
+use store::run_tags::{self, RunTag, RunTags};
 use store::runs::{self, RunRow, RunStatus};
 use store::{to_i64, to_json, tokens};
 
@@ -12,6 +15,7 @@ use crate::engine::event::RunEvent;
 use crate::engine::write_tx::WriteTx;
 use crate::leases::create::OwnerQuota;
 use crate::leases::proposal_queue;
+use crate::runs::set_tags::parse_tags;
 use crate::runs::settings::RunSettings;
 use crate::runs::validate::check_run_name;
 
@@ -25,6 +29,7 @@ pub struct CreateRun {
     name: String,
     seed: u64,
     settings: RunSettings,
+    tags: BTreeSet<RunTag>,
     /// Owner of the run; set when token authentication is on.
     owner: Option<OwnerQuota>,
 }
@@ -45,7 +50,8 @@ impl CreateRun {
         // Every seed that a client chooses has the same bound.
         Seed::user(seed)
             .map_err(|_| ServiceError::invalid("seed", format!("must be {SEED_REQUIREMENT}, got {seed}")))?;
-        Ok(Self { id, name, seed, settings: RunSettings::try_from(request)?, owner: None })
+        let (settings, tags) = (RunSettings::try_from(request)?, parse_tags(&request.tags)?);
+        Ok(Self { id, name, seed, settings, tags, owner: None })
     }
 
     /// Returns the change with an owner for the run.
@@ -68,6 +74,7 @@ impl Change for CreateRun {
             policy_version: 0,
             created_at: tx.now,
             archived_at: None,
+            tags: RunTags::default(),
         };
         if let Some(OwnerQuota { token, max }) = self.owner
             && tokens::count_runs(&mut tx.conn, token).await? >= i64::from(max)
@@ -75,11 +82,17 @@ impl Change for CreateRun {
             return Err(ServiceError::TooManyRuns(max));
         }
         if !runs::insert(&mut tx.conn, &row, self.owner.map(|owner| owner.token)).await? {
-            return Err(ServiceError::RunExists(row.id));
+            let exists = runs::exists(&mut tx.conn, &row.id).await?;
+            return Err(if exists {
+                ServiceError::RunExists(row.id)
+            } else {
+                ServiceError::RunBeingDeleted(row.id)
+            });
         }
+        run_tags::replace(&mut tx.conn, &row.id, &self.tags).await?;
         let mut run = tx.run(&row.id).await?;
         proposal_queue::fill(&mut run, proposal_queue::QUEUE_TARGET).await?;
         run.emit(&RunEvent::Run { state: "created" })?;
-        Ok(row)
+        runs::get(run.conn, &row.id).await?.ok_or(ServiceError::UnknownRun(row.id))
     }
 }

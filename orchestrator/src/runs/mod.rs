@@ -6,12 +6,14 @@
 
 pub mod change_run;
 pub mod create_run;
+pub mod delete_run;
 pub mod policy_version;
 pub mod retention_settings;
 pub mod run_request;
 pub mod run_status;
 pub mod set_policy_version;
 pub mod set_retention;
+pub mod set_tags;
 pub mod settings;
 mod settings_update;
 pub(crate) mod validate;

@@ -38,6 +38,7 @@ pub(super) fn spawn_workers(
     jobs.spawn(workers::expire::run(writer.clone()));
     jobs.spawn(workers::clock::run(config.clock.clone(), writer.clone()));
     jobs.spawn(workers::retention::run(readers.clone(), writer.clone()));
+    jobs.spawn(workers::delete_runs::run(writer.clone(), signals.delete));
     let evaluation_pool = thread_pool("evaluate", threads::half_of_cores(), ThreadPriority::Background)?;
     jobs.spawn(workers::evaluate::run(readers.clone(), writer.clone(), evaluation_pool));
     jobs.spawn(workers::revoke_connections::run(readers.clone(), config.clock.clone(), Arc::clone(sessions)));

@@ -19,6 +19,7 @@ use tokio::task::{JoinHandle, JoinSet};
 
 pub use self::config::{Config, StartError};
 use self::startup::{BoundListener, OpenDatabase};
+use crate::engine::error::ServiceError;
 use crate::engine::signals::WorkerSignals;
 use crate::engine::writer::Writer;
 use crate::http::state::AppState;
@@ -44,7 +45,8 @@ pub struct Service {
     server: JoinHandle<()>,
     workers: JoinSet<()>,
     checkpointer: JoinHandle<()>,
-    writer: JoinHandle<()>,
+    writer: Writer,
+    writer_task: JoinHandle<()>,
     readers: SqlitePool,
     lock: Arc<DatabaseLock>,
 }
@@ -82,7 +84,7 @@ impl Service {
         };
         let access_control = http::AccessControl::new(http::AccessConfig {
             readers: readers.clone(),
-            writer,
+            writer: writer.clone(),
             clock: config.clock.clone(),
             bind: address,
             openenv_public: config.openenv_public,
@@ -108,7 +110,8 @@ impl Service {
             server,
             workers,
             checkpointer,
-            writer: writer_task,
+            writer,
+            writer_task,
             readers,
             lock,
         })
@@ -124,6 +127,14 @@ impl Service {
     #[must_use]
     pub const fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// Deletes the data of all deleted runs. A server has a worker for this; a service of one process has none.
+    ///
+    /// # Errors
+    /// Returns [`ServiceError`] if the database cannot be written. The next server continues.
+    pub async fn finish_deletions(&self) -> Result<(), ServiceError> {
+        workers::delete_runs::delete_pending(&self.writer).await
     }
 
     /// Stops the service: rejects new requests, finishes running ones, ends sessions and workers, stores snapshots, and
@@ -143,8 +154,8 @@ impl Service {
             tracing::error!(%error, "The checkpoint worker failed.");
         }
         // The writer ends when its last handle is dropped.
-        drop(self.sessions);
-        match tokio::time::timeout(SHUTDOWN_TIMEOUT, self.writer).await {
+        drop((self.sessions, self.writer));
+        match tokio::time::timeout(SHUTDOWN_TIMEOUT, self.writer_task).await {
             Ok(Ok(())) => {}
             Ok(Err(error)) => tracing::error!(%error, "The writer failed."),
             Err(_) => {
@@ -157,7 +168,7 @@ impl Service {
 
     /// Waits until the writer fails, after which nothing can be stored any more: the process should exit.
     pub async fn writer_failed(&mut self) {
-        if let Err(error) = (&mut self.writer).await {
+        if let Err(error) = (&mut self.writer_task).await {
             tracing::error!(%error, "The writer failed.");
         }
     }

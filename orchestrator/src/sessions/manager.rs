@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use parking_lot::Mutex;
+use store::ids::RunId;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::time::Instant;
 
@@ -188,6 +189,11 @@ impl SessionManager {
     #[must_use]
     pub fn close_signal(&self, client: &ClientIdentity) -> CloseSignal {
         CloseSignal::new(self.stopping.subscribe(), &self.connections, client.credential())
+    }
+
+    /// Ends the episodes of a deleted run: their next steps fail.
+    pub fn end_run(&self, run: &RunId) {
+        self.leases.end_run(run);
     }
 
     /// Closes all sessions and waits for them, for two seconds at most. Unfinished episodes are returned to their leases.

@@ -201,6 +201,7 @@ impl Session {
         if running.episode.done() {
             return Err(SessionError::Over);
         }
+        running.reservation.as_ref().map_or(Ok(()), EpisodeReservation::check_run)?;
         let wire_format = openenv_wire::wire_format(running.scenario.task());
         wire_format.read_action(action, &mut running.log).map_err(SessionError::Action)?;
         running.log.keep_agents(running.scenario.task().agents(running.scenario.recipe()));

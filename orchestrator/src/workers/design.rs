@@ -143,6 +143,7 @@ impl DesignWorker {
         let started = match self.writer.change(change).await {
             Ok(started) => started,
             Err(error @ (ServiceError::Stopping | ServiceError::Busy)) => return Err(error),
+            Err(ServiceError::UnknownRun(_)) => None, // it was deleted meanwhile
             Err(error) => {
                 tracing::error!(run, error = %error, "A design request could not be started; the server retries.");
                 active.failed.insert(run.clone(), Instant::now());

@@ -6,6 +6,7 @@
 pub mod checkpoint;
 pub mod clock;
 pub mod critique;
+pub mod delete_runs;
 pub mod design;
 pub mod evaluate;
 pub mod expire;

@@ -73,6 +73,7 @@ impl RetentionWorker {
             match self.compact_run(&retained).await {
                 Ok(more) => has_more |= more,
                 Err(error @ (ServiceError::Stopping | ServiceError::Busy)) => return Err(error),
+                Err(ServiceError::UnknownRun(_)) => {} // it was deleted meanwhile
                 Err(error) => {
                     // The partly compacted lease that may have failed is skipped for now.
                     let after = self.examined.get(&retained.run).copied().unwrap_or(0);

@@ -1117,6 +1117,15 @@ class RunSummary(TypedDict):
     """Complete settings of the run."""
     status: RunStatus
     """Status of the run."""
+    tags: list[str]
+    """Tags of the run, in alphabetical order."""
+
+
+class RunTagsRequest(TypedDict):
+    """Tags of a run."""
+
+    tags: list[str]
+    """All tags of the run, at most 32. A tag has 1 to 64 of a-z, 0-9, _, ., : and -, and begins with a letter or a digit."""
 
 
 RunWarningKind: TypeAlias = Literal["refused_claim", "unproven_claim"]
@@ -2072,6 +2081,8 @@ class RunRequest(TypedDict):
     strategy_settings: NotRequired[dict[str, float | str]]
     """Settings of the strategy, by name; the others have their defaults. A change of a run that keeps its strategy keeps the others instead. `GET /v1/strategies` lists all settings."""
     success: NotRequired[SuccessSetting | None]
+    tags: NotRequired[list[str]]
+    """Tags of the run, at most 32. A tag has 1 to 64 of a-z, 0-9, _, ., : and -, and begins with a letter or a digit."""
     target: NotRequired[str | None]
     """Target of the ladder: `mastery`, or `half` (default if group_size > 1)."""
     task_settings: NotRequired[dict[str, TaskSettingsRequest]]

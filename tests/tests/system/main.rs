@@ -31,6 +31,8 @@ mod python_stubs;
 mod report;
 mod restart;
 mod retention;
+mod run_deletion;
+mod run_tags;
 mod runs_command;
 mod stepping;
 mod training_loop;

@@ -1,9 +1,11 @@
 //! `sparring runs`, `status` and `tail`: against a server, against the server of a database, and against the database alone.
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 use serde_json::{Value, json};
+use sqlx::ConnectOptions;
+use sqlx::sqlite::SqliteConnectOptions;
 use system_tests::{ServerProcess, sparring_binary};
 
 fn sparring(args: &[&str]) -> Command {
@@ -69,12 +71,116 @@ fn use_runs(db: &Path, is_served: bool) {
     assert_eq!(states, ["created", "paused", "resumed"]);
     assert_eq!(stdout(db, &["runs", "archive", "second"]).trim(), "second is archived");
     assert_eq!(json_output(db, &["runs", "list", "--archived", "--json"])[0]["id"], "second");
+    tag_runs(db);
+    delete_run(db, is_served);
     // One run is left, so it needs no name.
     assert!(stdout(db, &["runs", "show"]).contains("Run first (baseline)"));
     let wrong = error(sparring(&["runs", "show", "frist", "--db"]).arg(db));
     assert!(wrong.contains("did you mean first?"), "{wrong}");
     let refused = error(sparring(&["runs", "create", "--set", "group_size=0", "--db"]).arg(db));
     assert!(refused.contains("group_size"), "{refused}");
+}
+
+/// Adds, removes and lists tags.
+fn tag_runs(db: &Path) {
+    assert_eq!(
+        stdout(db, &["runs", "tag", "baseline", "paper", "lr:3e-4"]).trim(),
+        "tags of first: lr:3e-4, paper"
+    );
+    let tagged = json_output(db, &["runs", "tag", "first", "seed:1", "--remove", "paper", "--json"]);
+    assert_eq!((&tagged["id"], &tagged["tags"]), (&json!("first"), &json!(["lr:3e-4", "seed:1"])));
+    let listed = stdout(db, &["runs", "list", "--tag", "seed:1"]);
+    assert!(listed.lines().count() == 2 && listed.contains("lr:3e-4, seed:1"), "{listed}");
+    assert_eq!(json_output(db, &["runs", "list", "--tag", "paper", "--json"]), json!([]));
+    assert!(stdout(db, &["runs", "show", "first"]).contains("Tags: lr:3e-4, seed:1."));
+    let third =
+        ["runs", "create", "--id", "third", "--tag", "draft,other", "--set", "design.designer=off", "--json"];
+    assert_eq!(json_output(db, &third)["tags"], json!(["draft", "other"]));
+    let missing = error(sparring(&["runs", "tag", "first", "--remove", "paper", "--db"]).arg(db));
+    assert!(missing.contains("run first has no tag paper; its tags are: lr:3e-4, seed:1"), "{missing}");
+    let twice = error(sparring(&["runs", "tag", "first", "x", "--remove", "x", "--db"]).arg(db));
+    assert!(twice.contains("x is both a tag to add and a tag to remove"), "{twice}");
+    let invalid = error(sparring(&["runs", "tag", "first", "Paper", "--db"]).arg(db));
+    assert!(invalid.contains("tags.") && invalid.contains("begin with a letter or a digit"), "{invalid}");
+    let none = error(sparring(&["runs", "tag", "first", "--db"]).arg(db));
+    assert!(none.contains("<TAG>"), "{none}");
+}
+
+/// Deletes the archived run `second` and the active run `third`.
+fn delete_run(db: &Path, is_served: bool) {
+    let active = error(sparring(&["runs", "delete", "third", "--yes", "--db"]).arg(db));
+    assert!(active.contains("run third is not archived: add --archive"), "{active}");
+    let no_terminal = error(sparring(&["runs", "delete", "second", "--db"]).arg(db).stdin(Stdio::null()));
+    assert!(no_terminal.contains("add --yes"), "{no_terminal}");
+    assert_eq!(stdout(db, &["runs", "delete", "second", "--yes"]).trim(), "second is deleted");
+    let deleted = json_output(db, &["runs", "delete", "third", "--archive", "--yes", "--json"]);
+    assert_eq!((&deleted["id"], deleted["archived_at"].is_string()), (&json!("third"), true));
+    assert_eq!(json_output(db, &["runs", "list", "--archived", "--json"]), json!([]));
+    let gone = error(sparring(&["runs", "show", "second", "--db"]).arg(db));
+    assert!(gone.contains("there is no run"), "{gone}");
+    if !is_served {
+        // Without a server the command has deleted the rows itself.
+        assert_eq!(stored_runs(db), ["first"]);
+    }
+}
+
+/// Returns the ids of all rows of `runs`.
+fn stored_runs(db: &Path) -> Vec<String> {
+    let options = SqliteConnectOptions::new().filename(db).read_only(true);
+    tokio::runtime::Runtime::new().unwrap().block_on(async {
+        let mut conn = options.connect().await.unwrap();
+        sqlx::query_scalar("SELECT id FROM runs ORDER BY id").fetch_all(&mut conn).await.unwrap()
+    })
+}
+
+/// Python program that runs a command on a terminal and enters a line. It prints the output and exits with the command's code.
+#[cfg(unix)]
+const ON_TERMINAL: &str = "
+import os, pty, sys
+pid, terminal = pty.fork()
+if pid == 0:
+    os.execv(sys.argv[2], sys.argv[2:])
+output = b''
+while True:
+    try:
+        chunk = os.read(terminal, 4096)
+    except OSError:
+        break
+    if not chunk:
+        break
+    output += chunk
+    if output.rstrip().endswith(b'to delete it:'):
+        os.write(terminal, sys.argv[1].encode() + b'\\n')
+print(output.decode())
+sys.exit(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
+";
+
+#[cfg(unix)]
+#[test]
+fn deletion_on_a_terminal_asks_for_the_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let db = folder.path().join("db.sqlite3");
+    assert_eq!(ServerProcess::start(&db).terminate(), Some(0));
+    let _ = stdout(
+        &db,
+        &["runs", "create", "--id", "first", "--name", "my baseline", "--set", "design.designer=off"],
+    );
+    let enter = |line: &str| {
+        let mut command = Command::new("python3");
+        command.args(["-c", ON_TERMINAL, line]).arg(sparring_binary());
+        command.args(["runs", "delete", "first", "--archive", "--db"]).arg(&db).output().unwrap()
+    };
+    let refused = enter("baseline");
+    assert_eq!(refused.status.code(), Some(2), "{}", output_text(&refused));
+    // A terminal wraps the lines of an error.
+    let text = output_text(&refused).split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(text.contains("This deletes run first (my baseline) with 0 episodes"), "{text}");
+    assert!(text.contains("nothing was deleted"), "{text}");
+    assert_eq!(stored_runs(&db), ["first"]);
+    let confirmed = enter("my baseline");
+    assert_eq!(confirmed.status.code(), Some(0), "{}", output_text(&confirmed));
+    assert!(output_text(&confirmed).contains("first is deleted"));
+    assert_eq!(stored_runs(&db), [""; 0]);
 }
 
 #[test]

@@ -13,6 +13,7 @@ use crate::engine::error::ServiceError;
 use crate::http::extract::{NoQuery, Path};
 use crate::http::path_ids::{parse_id, parse_run_id};
 use crate::http::problem::Problem;
+use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 
 /// Converts the critique of an episode of `scenario`.
@@ -96,8 +97,10 @@ pub(super) async fn get_episode_critique(
     State(app): State<AppState>,
     Path((run, episode)): Path<(String, String)>,
 ) -> Result<axum::Json<EpisodeCritique>, Problem> {
-    let mut conn = app.readers.acquire().await?;
-    let found = StoredEpisode::load(&mut conn, &parse_run_id(&run)?, parse_id("episode", &episode)?).await?;
+    let run = parse_run_id(&run)?;
+    let id = parse_id("episode", &episode)?;
+    let mut conn = acquire_run_reader(&app, &run).await?;
+    let found = StoredEpisode::load(&mut conn, &run, id).await?;
     drop(conn);
     let log = found.log.ok_or_else(|| ServiceError::UnknownEpisode(format!("{episode} with actions")))?;
     let scenario = found.scenario;

@@ -21,6 +21,7 @@ use crate::frames::{FrameContent, FrameRange, FramesError, MAX_FRAME_BYTES, fram
 use crate::http::extract::{NoQuery, Path, Query};
 use crate::http::path_ids::{parse_id, parse_run_id};
 use crate::http::problem::Problem;
+use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::leases::bracket_view::scenario_bracket;
 use crate::leases::find::find_lease;
@@ -37,7 +38,7 @@ pub(super) async fn get_episode(
     Path((run, episode)): Path<(String, String)>,
 ) -> Result<axum::Json<Episode>, Problem> {
     let (run, id): (_, EpisodeId) = (parse_run_id(&run)?, parse_id("episode", &episode)?);
-    let mut conn = app.readers.acquire().await?;
+    let mut conn = acquire_run_reader(&app, &run).await?;
     let found = match StoredEpisode::load(&mut conn, &run, id.clone()).await {
         Err(EpisodeError::Expired(_)) => {
             return Ok(axum::Json(compacted_episode(&mut conn, &run, &id).await?));
@@ -117,8 +118,10 @@ pub(super) async fn replay_episode(
     Path((run, episode)): Path<(String, String)>,
     Query(query): Query<ReplayQuery>,
 ) -> Result<axum::Json<EpisodeReplay>, Problem> {
-    let mut conn = app.readers.acquire().await?;
-    let found = StoredEpisode::load(&mut conn, &parse_run_id(&run)?, parse_id("episode", &episode)?).await?;
+    let run = parse_run_id(&run)?;
+    let id = parse_id("episode", &episode)?;
+    let mut conn = acquire_run_reader(&app, &run).await?;
+    let found = StoredEpisode::load(&mut conn, &run, id).await?;
     // The reference plan and the scenario without actions are not disclosed before the episode is reported.
     if found.row.is_none() {
         return Err(ServiceError::UnknownEpisode(format!("{episode} with actions")).into());

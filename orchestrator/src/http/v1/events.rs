@@ -12,12 +12,12 @@ use axum::response::sse::{Event, KeepAlive, Sse};
 use futures_util::Stream;
 use serde_json::{Value, json};
 use sqlx::SqlitePool;
-use store::events::{self, EventRow};
+use store::events::{self, EventKind, EventRow};
 use store::ids::RunId;
 use store::{StoreError, from_json};
 use tokio::sync::watch;
 
-use crate::clock::rfc3339;
+use crate::clock::{Clock, rfc3339};
 use crate::http::access::Caller;
 use crate::http::extract::{Path, Query};
 use crate::http::path_ids::parse_run_id;
@@ -37,11 +37,11 @@ const MAX_PAST_EVENTS: u32 = 1000;
 
 /// Stream the events of a run as Server-Sent Events.
 ///
-/// Kinds of events: `run` (created, changed, paused, resumed, archived), `lease` (created, renewed, done, released, expired), `group`
-/// (closed), `move` (level move with its evidence), `claim` (of columns), `failures` (new critiques), `design` (end of a design
-/// request) and `warning` (for operators). Every event has an id. A client that reconnects sends the last id as `Last-Event-ID`. It
-/// misses no event if at most 10 000 other events happened since; otherwise the first event is `gap`. A stream without an id starts
-/// with an id without data, from which the client can resume.
+/// Kinds of events: `run` (created, changed, tagged, paused, resumed, archived, deleted), `lease` (created, renewed, done, released,
+/// expired), `group` (closed), `move` (level move with its evidence), `claim` (of columns), `failures` (new critiques), `design` (end
+/// of a design request) and `warning` (for operators). Every event has an id. A client that reconnects sends the last id as
+/// `Last-Event-ID`. It misses no event if at most 10 000 other events happened since; otherwise the first event is `gap`. A stream
+/// without an id starts with an id without data, from which the client can resume. The stream ends when the run is deleted.
 #[utoipa::path(
     get, path = "/runs/{run}/events", tag = "runs",
     params(("run" = String, Path, description = "The run's id."), EventQuery,
@@ -86,6 +86,7 @@ pub(super) async fn stream_events(
     })?;
     let stream = EventStream {
         readers: app.readers.clone(),
+        clock: app.clock.clone(),
         changes,
         closing: app.sessions.close_signal(&caller.identity),
         run,
@@ -93,6 +94,7 @@ pub(super) async fn stream_events(
         // A client without a last id gets one to resume from: an id alone is not an event, but clients remember it.
         pending: last.is_none().then(|| Event::default().id(after.to_string())).into_iter().collect(),
         is_checked: false,
+        is_deleted: false,
         _permit: permit,
     };
     let events = futures_util::stream::unfold(stream, |mut stream| async {
@@ -105,6 +107,7 @@ pub(super) async fn stream_events(
 /// State of one event stream.
 struct EventStream {
     readers: SqlitePool,
+    clock: Clock,
     changes: watch::Receiver<u64>,
     closing: CloseSignal,
     run: RunId,
@@ -113,11 +116,13 @@ struct EventStream {
     pending: VecDeque<Event>,
     /// True once the start of the stream was checked against the stored events.
     is_checked: bool,
+    /// True once the run was deleted: the stream ends after the pending events.
+    is_deleted: bool,
     _permit: QuotaPermit,
 }
 
 impl EventStream {
-    /// Returns the next event; `None` if the server stops or the client's token is no longer valid.
+    /// Returns the next event; `None` if the server stops, the client's token is no longer valid, or the run was deleted.
     async fn next(&mut self) -> Option<Event> {
         loop {
             if self.closing.reason().is_some() {
@@ -126,12 +131,15 @@ impl EventStream {
             if let Some(event) = self.pending.pop_front() {
                 return Some(event);
             }
+            if self.is_deleted {
+                return None;
+            }
             self.changes.mark_unchanged();
             if let Err(error) = self.read().await {
                 tracing::warn!(run = %self.run, %error, "Events cannot be read; the stream is closed.");
                 return None;
             }
-            if self.pending.is_empty() {
+            if self.pending.is_empty() && !self.is_deleted {
                 tokio::select! {
                     changed = self.changes.changed() => changed.ok()?,
                     _ = self.closing.closed() => return None,
@@ -153,6 +161,8 @@ impl EventStream {
         let run = self.run.clone();
         let run = run.as_str();
         let deleted = events::last_deleted(&mut conn, run).await?;
+        let exists = deleted.is_some();
+        let deleted = deleted.unwrap_or(0);
         if self.after < deleted {
             self.push_gap(deleted, "the events in between are no longer kept");
         } else if self.after > 0 && !self.is_checked {
@@ -165,13 +175,20 @@ impl EventStream {
             }
         }
         self.is_checked = true;
-        for EventRow { id, kind, body, at } in events::after(&mut conn, run, self.after, EVENT_BATCH).await? {
+        let rows = events::after(&mut conn, run, self.after, EVENT_BATCH).await?;
+        self.is_deleted = !exists && (rows.len() as i64) < EVENT_BATCH;
+        for EventRow { id, kind, body, at } in rows {
             let mut data: Value = from_json("an event", &body)?;
             if let Some(fields) = data.as_object_mut() {
                 fields.insert("at".to_owned(), rfc3339(at).into());
             }
             self.pending.push_back(sse_event(id, kind.as_str(), &data));
             self.after = id;
+        }
+        if self.is_deleted {
+            // This event is not stored: the events of a deleted run may be gone before a listener reads them.
+            let data = json!({"state": "deleted", "at": rfc3339(self.clock.now())});
+            self.pending.push_back(sse_event(self.after, EventKind::Run.as_str(), &data));
         }
         Ok(())
     }

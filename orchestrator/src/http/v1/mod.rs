@@ -24,6 +24,7 @@ mod results;
 mod retention;
 mod rollout;
 mod run_settings;
+mod run_tags;
 mod run_update;
 mod runs;
 mod scenarios;
@@ -42,7 +43,8 @@ use crate::http::state::AppState;
 pub(super) fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new()
         .routes(routes!(runs::create_run, runs::list_runs))
-        .routes(routes!(runs::get_run, run_update::update_run))
+        .routes(routes!(runs::get_run, run_update::update_run, runs::delete_run))
+        .routes(routes!(run_tags::set_tags))
         .routes(routes!(runs::pause_run))
         .routes(routes!(runs::archive_run))
         .routes(routes!(runs::resume_run))

@@ -1,13 +1,15 @@
-//! Runs: create, list, get, pause, archive and resume.
+//! Runs: create, list, get, pause, archive, resume and delete.
 
 use crate::api_enums::ConvertEnum;
 use api_types::{
-    Judge, PolicyVersionRequest, Run, RunPage, RunQuery, RunRequest, RunSummary, RunWarning, RunWarnings,
+    Judge, PolicyVersionRequest, Run, RunDeletionQuery, RunPage, RunQuery, RunRequest, RunSummary,
+    RunWarning, RunWarnings,
 };
 use axum::Extension;
 use axum::extract::State;
 use axum::http::StatusCode;
 use store::ids::LeaseId;
+use store::run_tags::RunTag;
 use store::run_warnings::{self, RunWarningRow};
 use store::runs::{self, RunCursor, RunRow};
 use store::{from_json, to_u64};
@@ -22,6 +24,7 @@ use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::runs::create_run::CreateRun;
+use crate::runs::delete_run::DeleteRun;
 use crate::runs::run_status::{RunAction, SetRunStatus};
 use crate::runs::set_policy_version::SetPolicyVersion;
 
@@ -42,6 +45,7 @@ pub(super) fn run_from_row(row: RunRow) -> Result<RunSummary, Problem> {
         created_at: rfc3339(row.created_at),
         archived_at: row.archived_at.map(rfc3339),
         policy_version: row.policy_version,
+        tags: row.tags.0.into_iter().collect(),
     })
 }
 
@@ -80,7 +84,7 @@ pub(super) async fn create_run(
     Ok((StatusCode::CREATED, axum::Json(run_from_row(row)?)))
 }
 
-/// List runs, oldest first.
+/// List runs, oldest first: all of them, or those with a tag.
 #[utoipa::path(
     get, path = "/runs", tag = "runs", params(RunQuery),
     responses((status = 200, body = RunPage), (status = 400, body = Problem), (status = 422, body = Problem))
@@ -91,10 +95,14 @@ pub(super) async fn list_runs(
 ) -> Result<axum::Json<RunPage>, Problem> {
     let limit = page_limit(query.limit)?;
     let after = PageCursor::parse(query.cursor.as_deref())?.unwrap_or_default();
+    let tag = query.tag.as_deref().map(str::parse::<RunTag>).transpose();
+    let tag = tag.map_err(|error| Problem::invalid("tag", error.to_string()))?;
+    let (after, archived) = (RunCursor { created_at: after.number, id: after.text }, query.archived);
     let mut conn = app.readers.acquire().await?;
-    let rows =
-        runs::page(&mut conn, RunCursor { created_at: after.number, id: after.text }, query.archived, limit)
-            .await?;
+    let rows = match tag {
+        Some(tag) => runs::page_with_tag(&mut conn, &tag, after, archived, limit).await?,
+        None => runs::page(&mut conn, after, archived, limit).await?,
+    };
     let last = rows.last().map(|row| PageCursor { number: row.created_at, text: &row.id });
     let next = next_cursor(rows.len(), limit, last);
     Ok(axum::Json(RunPage { runs: rows.into_iter().map(run_from_row).collect::<Result<_, _>>()?, next }))
@@ -174,6 +182,31 @@ pub(super) async fn resume_run(
     Path(run): Path<String>,
 ) -> Result<axum::Json<RunSummary>, Problem> {
     set_status(&app, &run, RunAction::Resume).await
+}
+
+/// Delete an archived run with its leases, results, layouts and evaluations.
+///
+/// The deletion is permanent. All later requests for the run return 404. The server deletes the data in the background, within seconds
+/// to minutes. Until then no other run can have the id.
+#[utoipa::path(
+    delete, path = "/runs/{run}", tag = "runs",
+    params(("run" = String, Path, description = "The run's id."), RunDeletionQuery),
+    responses(
+        (status = 200, body = RunSummary, description = "The run before the deletion."), (status = 400, body = Problem),
+        (status = 404, body = Problem), (status = 409, body = Problem, description = "The run is not archived."),
+        (status = 422, body = Problem), (status = 429, body = Problem), (status = 503, body = Problem)
+    )
+)]
+pub(super) async fn delete_run(
+    State(app): State<AppState>,
+    Path(run): Path<String>,
+    Query(query): Query<RunDeletionQuery>,
+) -> Result<axum::Json<RunSummary>, Problem> {
+    let run = parse_run_id(&run)?;
+    let row = app.writer.change(DeleteRun { run: run.clone(), name: query.name }).await?;
+    app.sessions.end_run(&run);
+    tracing::info!(%run, "Run deleted; its data is deleted in the background.");
+    Ok(axum::Json(run_from_row(row)?))
 }
 
 /// Set the newest policy version of a run.

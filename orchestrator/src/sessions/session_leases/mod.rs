@@ -1,10 +1,11 @@
 //! Leases of sessions that run episodes for a run: they are taken, renewed, reported and released like a trainer's leases.
 //!
 //! Start reading at [`SessionLeases::reserve`]. [`pool`] has the episodes of one lease, [`reservation`] one episode while a
-//! session runs it.
+//! session runs it, [`run_end`] tells sessions that their run was deleted.
 
 pub(super) mod pool;
 mod reservation;
+mod run_end;
 
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
@@ -25,6 +26,7 @@ use tokio::time::Instant;
 
 use self::pool::{EpisodePool, PoolGroup, PooledEpisode};
 pub(super) use self::reservation::EpisodeReservation;
+use self::run_end::{RunEnd, RunEnds};
 use super::session_request::EpisodeSource;
 use crate::engine::error::ServiceError;
 use crate::leases::create::CreateLease;
@@ -56,6 +58,15 @@ enum PoolKey {
     Lease(RunId, LeaseId),
 }
 
+impl PoolKey {
+    /// Returns the id of the run.
+    const fn run(&self) -> &RunId {
+        match self {
+            Self::Group(run, _) | Self::Lease(run, _) => run,
+        }
+    }
+}
+
 /// Leases of all sessions.
 #[derive(Debug)]
 pub(crate) struct SessionLeases {
@@ -63,6 +74,7 @@ pub(crate) struct SessionLeases {
     /// True if sessions may run episodes of runs.
     allow_runs: bool,
     pools: Mutex<HashMap<PoolKey, Arc<OnceCell<SharedPool>>>>,
+    run_ends: RunEnds,
     /// Background work that must end before the service stops: releases and reports.
     pending: Mutex<JoinSet<()>>,
 }
@@ -75,7 +87,8 @@ pub(super) fn runs_not_allowed() -> ServiceError {
 impl SessionLeases {
     /// Creates the manager without leases.
     pub(super) fn new(lease_service: LeaseService, allow_runs: bool) -> Self {
-        Self { lease_service, allow_runs, pools: Mutex::default(), pending: Mutex::default() }
+        let (pools, run_ends, pending) = (Mutex::default(), RunEnds::default(), Mutex::default());
+        Self { lease_service, allow_runs, pools, run_ends, pending }
     }
 
     /// Returns the service that grants leases and accepts results.
@@ -127,7 +140,8 @@ impl SessionLeases {
         }
         let cell = self.pool_cell(PoolKey::Lease(run.clone(), lease.clone()));
         let load = || async {
-            let pool = self.load_pool(run.clone(), lease.clone()).await?;
+            let run_end = self.run_ends.of(&run);
+            let pool = self.load_pool(run.clone(), lease.clone(), run_end).await?;
             Ok::<_, ServiceError>(Arc::new(Mutex::new(pool)))
         };
         let pool = Arc::clone(cell.get_or_try_init(load).await?);
@@ -139,11 +153,17 @@ impl SessionLeases {
         Ok(pool)
     }
 
+    /// Ends the episodes of a deleted run, and forgets its pools.
+    pub(super) fn end_run(&self, run: &RunId) {
+        self.run_ends.set(run);
+        self.pools.lock().retain(|key, _| key.run() != run);
+    }
+
     /// Renews a lease if a third of its time is over. A failure is logged.
     pub(super) async fn renew(&self, pool: &SharedPool) {
         let (run, lease, previous) = {
             let mut pool = pool.lock();
-            if pool.renewed_at.elapsed() < pool.ttl / 3 {
+            if pool.run_end.is_deleted() || pool.renewed_at.elapsed() < pool.ttl / 3 {
                 return;
             }
             let previous = std::mem::replace(&mut pool.renewed_at, Instant::now());
@@ -215,11 +235,11 @@ impl SessionLeases {
             (None, Some(_)) => "group_id",
             (None, None) => "lease_id",
         };
-        let (run, lease, judge, taken) = {
+        let (run, lease, judge, run_end, taken) = {
             let mut pool = pool.lock();
             let taken = pool.take(group, episode);
             let taken = taken.map_err(|error| ServiceError::invalid(field, error.to_string()))?;
-            (pool.run.clone(), pool.lease.clone(), pool.judge, taken)
+            (pool.run.clone(), pool.lease.clone(), pool.judge, pool.run_end.clone(), taken)
         };
         let PooledEpisode { index, scenario } = taken;
         Ok(EpisodeReservation {
@@ -231,6 +251,7 @@ impl SessionLeases {
             judge,
             is_exclusive,
             is_reported: false,
+            run_end,
         })
     }
 
@@ -265,8 +286,9 @@ impl SessionLeases {
             refill: false,
             evaluation: None,
         };
+        let run_end = self.run_ends.of(&run);
         let granted = self.lease_service.lease(request).await?;
-        self.load_pool(run, granted.row.lease_id()).await
+        self.load_pool(run, granted.row.lease_id(), run_end).await
     }
 
     async fn current_policy_version(&self, run: &RunId) -> Result<u32, ServiceError> {
@@ -275,7 +297,12 @@ impl SessionLeases {
     }
 
     /// Loads the pool of a stored lease, without the episodes that were reported.
-    async fn load_pool(&self, run: RunId, lease: LeaseId) -> Result<EpisodePool, ServiceError> {
+    async fn load_pool(
+        &self,
+        run: RunId,
+        lease: LeaseId,
+        run_end: RunEnd,
+    ) -> Result<EpisodePool, ServiceError> {
         let mut conn = self.lease_service.readers.acquire().await.map_err(StoreError::from)?;
         let row = find_active(&mut conn, &run, &lease).await?;
         if row.is_columns() {
@@ -292,6 +319,7 @@ impl SessionLeases {
             ttl: Duration::from_millis(u64::try_from(row.ttl_ms).unwrap_or_default()),
             renewed_at: Instant::now(),
             judge: settings.judge,
+            run_end,
             groups,
         })
     }

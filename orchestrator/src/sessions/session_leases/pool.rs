@@ -9,6 +9,8 @@ use tokio::time::Instant;
 
 use store::ids::{EpisodeId, LeaseId, RunId};
 
+use super::run_end::RunEnd;
+
 /// Lease with the episodes that no session has reserved.
 #[derive(Debug)]
 pub(crate) struct EpisodePool {
@@ -24,6 +26,8 @@ pub(crate) struct EpisodePool {
     pub(crate) renewed_at: Instant,
     /// Judge of the steps, if the run's settings name one.
     pub(crate) judge: Option<Judge>,
+    /// Flag that the run was deleted.
+    pub(crate) run_end: RunEnd,
     /// Groups of the lease, in order.
     pub(crate) groups: Vec<PoolGroup>,
 }
@@ -155,6 +159,7 @@ mod tests {
             ttl: Duration::from_secs(600),
             renewed_at: Instant::now(),
             judge: None,
+            run_end: RunEnd::default(),
             groups: groups.collect(),
         }
     }

@@ -6,6 +6,7 @@ use api_types::{Judge, ResultReceipt};
 use env_core::{ActionLog, Scenario};
 use store::ids::{EpisodeId, RunId};
 
+use super::run_end::RunEnd;
 use super::{SessionLeases, SharedPool};
 use crate::engine::error::ServiceError;
 use crate::leases::end::ReleaseLease;
@@ -31,6 +32,7 @@ pub(crate) struct EpisodeReservation {
     /// True if the lease was taken for this session alone.
     pub(super) is_exclusive: bool,
     pub(super) is_reported: bool,
+    pub(super) run_end: RunEnd,
 }
 
 impl EpisodeReservation {
@@ -41,6 +43,14 @@ impl EpisodeReservation {
             EpisodeSource::Run { run, group: Some(_), .. } => *run == self.run,
             EpisodeSource::Run { .. } | EpisodeSource::Scenario(_) => false,
         }
+    }
+
+    /// Checks that the run was not deleted.
+    ///
+    /// # Errors
+    /// Returns [`ServiceError::UnknownRun`] if it was.
+    pub(crate) fn check_run(&self) -> Result<(), ServiceError> {
+        if self.run_end.is_deleted() { Err(ServiceError::UnknownRun(self.run.to_string())) } else { Ok(()) }
     }
 
     /// Renews the lease if a third of its time is over.
@@ -67,7 +77,7 @@ impl EpisodeReservation {
 
 impl Drop for EpisodeReservation {
     fn drop(&mut self) {
-        if self.is_reported {
+        if self.is_reported || self.run_end.is_deleted() {
             return;
         }
         self.pool.lock().give_back(self.episode.index);

@@ -14,6 +14,7 @@ use super::error::VectorError;
 use super::frame::{FrameCommand, FrameLayout};
 use super::reporter::{EpisodeReporter, EpisodeTally};
 use super::run_on;
+use crate::engine::error::ServiceError;
 use crate::limits::QuotaPermit;
 use crate::sessions::session_leases::{SessionLeases, SharedPool};
 
@@ -157,6 +158,12 @@ impl VectorSession {
         }
         if sequence != last.wrapping_add(1) {
             return Err(VectorError::Sequence { found: sequence, last });
+        }
+        if let Some(lease) = &self.lease {
+            let pool = lease.pool.lock();
+            if pool.run_end.is_deleted() {
+                return Err(ServiceError::UnknownRun(pool.run.to_string()).into());
+            }
         }
         let is_step = matches!(frame.command, FrameCommand::Step(_));
         let mut batch = self.batch.take().ok_or(VectorError::Lost)?;

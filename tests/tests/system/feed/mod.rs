@@ -1,6 +1,6 @@
 //! The trainer feed: columns with their audits, and events.
 
-mod column_trainer;
+pub(crate) mod column_trainer;
 mod columns;
 mod events;
 mod examples;

@@ -69,7 +69,7 @@ impl PullRequest {
     /// Groups that are available now.
     async fn available(&self, app: &AppState) -> Result<Vec<FeedGroup>, Problem> {
         let ttl_ms = {
-            let mut conn = app.readers.acquire().await?;
+            let mut conn = acquire_run_reader(app, &self.run).await?;
             match self.mode {
                 PullMode::After(after) => {
                     let heads = trajectories::after(&mut conn, self.run.as_str(), after, self.limit).await?;
