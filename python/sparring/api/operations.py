@@ -546,16 +546,19 @@ class Runs:
     def __init__(self, send: Send) -> None:
         self._send = send
 
-    def list(self, *, archived: bool | None = None, limit: int | None = None, cursor: str | None = None) -> types.RunPage:
-        """List runs, oldest first.
+    def list(
+        self, *, archived: bool | None = None, tag: str | None = None, limit: int | None = None, cursor: str | None = None
+    ) -> types.RunPage:
+        """List runs, oldest first: all of them, or those with a tag.
 
         Args:
             archived: True for archived runs, false for the others (default false).
+            tag: Tag of the runs to list (default: runs with any tags).
             limit: Largest number of runs on a page, from 1 to 500 (default 50).
             cursor: Field `next` of the previous page.
         """
         response: types.RunPage = self._send(
-            "GET", "/v1/runs", {"archived": archived, "limit": limit, "cursor": cursor}, None, is_repeatable=True
+            "GET", "/v1/runs", {"archived": archived, "tag": tag, "limit": limit, "cursor": cursor}, None, is_repeatable=True
         )
         return response
 
@@ -567,6 +570,15 @@ class Runs:
     def get(self, run: str) -> types.Run:
         """Get a run with its warnings."""
         response: types.Run = self._send("GET", f"/v1/runs/{_segment(run)}", {}, None, is_repeatable=True)
+        return response
+
+    def delete(self, run: str, *, name: str) -> types.RunSummary:
+        """Delete an archived run with its leases, results, layouts and evaluations.
+
+        Args:
+            name: Name of the run, which confirms the deletion.
+        """
+        response: types.RunSummary = self._send("DELETE", f"/v1/runs/{_segment(run)}", {"name": name}, None, is_repeatable=True)
         return response
 
     def update(self, run: str, **body: Unpack[types.RunUpdate]) -> types.RunSummary:
@@ -635,6 +647,11 @@ class Runs:
         response: types.RunSettingsPage = self._send(
             "GET", f"/v1/runs/{_segment(run)}/settings", {"limit": limit, "cursor": cursor}, None, is_repeatable=True
         )
+        return response
+
+    def set_tags(self, run: str, **body: Unpack[types.RunTagsRequest]) -> types.RunSummary:
+        """Replace the tags of a run."""
+        response: types.RunSummary = self._send("PUT", f"/v1/runs/{_segment(run)}/tags", {}, body, is_repeatable=True)
         return response
 
 
@@ -1258,16 +1275,19 @@ class AsyncRuns:
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
 
-    async def list(self, *, archived: bool | None = None, limit: int | None = None, cursor: str | None = None) -> types.RunPage:
-        """List runs, oldest first.
+    async def list(
+        self, *, archived: bool | None = None, tag: str | None = None, limit: int | None = None, cursor: str | None = None
+    ) -> types.RunPage:
+        """List runs, oldest first: all of them, or those with a tag.
 
         Args:
             archived: True for archived runs, false for the others (default false).
+            tag: Tag of the runs to list (default: runs with any tags).
             limit: Largest number of runs on a page, from 1 to 500 (default 50).
             cursor: Field `next` of the previous page.
         """
         response: types.RunPage = await self._send(
-            "GET", "/v1/runs", {"archived": archived, "limit": limit, "cursor": cursor}, None, is_repeatable=True
+            "GET", "/v1/runs", {"archived": archived, "tag": tag, "limit": limit, "cursor": cursor}, None, is_repeatable=True
         )
         return response
 
@@ -1279,6 +1299,17 @@ class AsyncRuns:
     async def get(self, run: str) -> types.Run:
         """Get a run with its warnings."""
         response: types.Run = await self._send("GET", f"/v1/runs/{_segment(run)}", {}, None, is_repeatable=True)
+        return response
+
+    async def delete(self, run: str, *, name: str) -> types.RunSummary:
+        """Delete an archived run with its leases, results, layouts and evaluations.
+
+        Args:
+            name: Name of the run, which confirms the deletion.
+        """
+        response: types.RunSummary = await self._send(
+            "DELETE", f"/v1/runs/{_segment(run)}", {"name": name}, None, is_repeatable=True
+        )
         return response
 
     async def update(self, run: str, **body: Unpack[types.RunUpdate]) -> types.RunSummary:
@@ -1351,6 +1382,11 @@ class AsyncRuns:
         response: types.RunSettingsPage = await self._send(
             "GET", f"/v1/runs/{_segment(run)}/settings", {"limit": limit, "cursor": cursor}, None, is_repeatable=True
         )
+        return response
+
+    async def set_tags(self, run: str, **body: Unpack[types.RunTagsRequest]) -> types.RunSummary:
+        """Replace the tags of a run."""
+        response: types.RunSummary = await self._send("PUT", f"/v1/runs/{_segment(run)}/tags", {}, body, is_repeatable=True)
         return response
 
 
