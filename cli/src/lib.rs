@@ -119,7 +119,7 @@ impl Command {
 
     /// Returns true if the subcommand handles Ctrl-C itself, because it has something to finish.
     const fn handles_ctrl_c(&self) -> bool {
-        matches!(self, Self::Serve(_) | Self::Demo(_) | Self::Play(_))
+        matches!(self, Self::Serve(_) | Self::Demo(_) | Self::Play(_) | Self::Db(_))
     }
 
     fn run(&self, file: &ConfigFile) -> anyhow::Result<ExitCode> {
@@ -159,9 +159,19 @@ pub fn main() -> ExitCode {
         cli.command.run(&file)
     });
     ended.unwrap_or_else(|error| {
-        let text = OutputTarget::stderr().wrap(&format!("sparring: {error:#}"), "  ");
+        let text = OutputTarget::stderr().wrap(&without_os_codes(&format!("sparring: {error:#}")), "  ");
         // If stderr is closed too, only the exit code reports the error.
         let _ = writeln!(std::io::stderr().lock(), "{text}");
         ExitCode::from(ERROR_EXIT_CODE)
     })
+}
+
+/// Removes the codes that the standard library adds to errors of the operating system, as in "(os error 2)".
+fn without_os_codes(text: &str) -> String {
+    let mut parts = text.split(" (os error ");
+    let mut plain = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        plain += part.split_once(')').map_or(part, |(_, rest)| rest);
+    }
+    plain
 }

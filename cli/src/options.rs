@@ -234,8 +234,8 @@ mod tests {
         let refuse = |texts: &[&str]| format!("{:#}", of(texts).unwrap_err());
         insta::assert_snapshot!(
             [refuse(&["contact=swept", "risk=pc"]), refuse(&["compat=upstream"])].join("\n"), @r#"
-        options of kessler/survival: physics.contact: it cannot be combined with risk: pc: pc has no destructive contacts, so contact: swept has no effect
-        options of kessler/survival: physics.compat: upstream is for scenarios by hand: it replays recorded episodes, and a satellite may burn more in a step than the plans it would be judged by
+        options of kessler/survival: physics.contact cannot be combined with risk: pc: its contacts are not destructive, so contact: swept has no effect
+        options of kessler/survival: physics.compat must not be upstream, which only scenarios made by hand may have: it is for replays of recorded episodes, in which a satellite may burn more in a step than the plans of its bracket
         "#);
     }
 }

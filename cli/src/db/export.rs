@@ -11,6 +11,7 @@ use store::layouts::{self, LayoutFilter};
 use store::scenarios::ScenarioLoader;
 use store::{compacted_leases, curriculum, episodes, groups, leases, runs};
 
+use super::super::output::{self, Report};
 use super::lines::{self, ExportLine};
 use super::open_readers;
 
@@ -55,6 +56,7 @@ pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
             let mut sink = LineSink {
                 out: Box::new(std::io::BufWriter::new(std::io::stdout().lock())),
                 is_closed: false,
+                lines: 0,
             };
             write_all(conn, &ids, args.actions, &mut sink).await?;
         }
@@ -66,13 +68,20 @@ pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
                 file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
             let beside = tempfile::NamedTempFile::new_in(folder)
                 .with_context(|| format!("{} cannot be written", file.display()))?;
-            let mut sink =
-                LineSink { out: Box::new(std::io::BufWriter::new(beside.reopen()?)), is_closed: false };
+            let mut sink = LineSink {
+                out: Box::new(std::io::BufWriter::new(beside.reopen()?)),
+                is_closed: false,
+                lines: 0,
+            };
             write_all(conn, &ids, args.actions, &mut sink).await?;
+            let lines = sink.lines;
             beside.as_file().sync_all()?;
             beside
                 .persist_noclobber(file)
                 .with_context(|| format!("{} cannot be written", file.display()))?;
+            let mut report = Report::default();
+            report.line(format!("{lines} lines are in {}.", file.display()));
+            output::print_report(&report)?;
         }
     }
     Ok(ExitCode::SUCCESS)
@@ -83,6 +92,8 @@ struct LineSink {
     out: Box<dyn Write>,
     /// True once the reader has closed the pipe, as in `sparring db export | head`.
     is_closed: bool,
+    /// Number of written lines.
+    lines: u64,
 }
 
 impl LineSink {
@@ -92,6 +103,7 @@ impl LineSink {
                 .map_err(std::io::Error::from)
                 .and_then(|bytes| self.out.write_all(&bytes).and_then(|()| self.out.write_all(b"\n")));
             self.handle(written)?;
+            self.lines += 1;
         }
         Ok(())
     }

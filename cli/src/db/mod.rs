@@ -8,12 +8,15 @@ mod info;
 mod lines;
 mod vacuum;
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, ensure};
 use clap::Subcommand;
 use sqlx::SqlitePool;
+
+use super::interrupt::INTERRUPTED;
 
 /// Inspect, check, back up, compact or export a database.
 #[derive(Debug, clap::Args)]
@@ -59,13 +62,24 @@ enum Command {
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let db = &args.database.db;
-    runtime.block_on(async {
+    let work = async {
         match &args.command {
             Command::Info(of) => info::run(db, of).await,
             Command::Check(of) => check::run(db, of).await,
             Command::Vacuum(of) => vacuum::run(db, of).await,
             Command::Backup(of) => backup::run(db, of).await,
             Command::Export(of) => export::run(db, of).await,
+        }
+    };
+    runtime.block_on(async {
+        tokio::select! {
+            ended = work => ended,
+            // Work that is dropped deletes its temporary files.
+            interrupted = tokio::signal::ctrl_c() => interrupted.context("the handler of Ctrl-C cannot be installed").map(|()| {
+                // If stderr is closed, the exit code still reports the interrupt.
+                let _ = writeln!(std::io::stderr(), "sparring: interrupted");
+                ExitCode::from(INTERRUPTED)
+            }),
         }
     })
 }

@@ -394,6 +394,6 @@ fn options_are_the_runs_physics() {
     assert_eq!(summary["physics"]["kessler/survival"]["contact"], "swept");
     let refuse = |options: &str| format!("{:#}", demo(&format!("{plain} {options}")).unwrap_err());
     assert!(refuse("--physics contact=swept --physics risk=pc").contains("cannot be combined"));
-    assert!(refuse("--physics compat=upstream").contains("is for scenarios by hand"));
+    assert!(refuse("--physics compat=upstream").contains("which only scenarios made by hand may have"));
     assert!(refuse("--physics kessler/formation:risk=pc").contains("none of the tasks is kessler/formation"));
 }

@@ -188,5 +188,5 @@ fn options_that_change_nothing_leave_a_report_comparable() {
     assert!(told["comparable"] == true && told["note"].is_null() && told["physics"] == serde_json::json!({}));
     args.options = vec![options::parse("compat=upstream").unwrap()];
     let error = format!("{:#}", with_physics(suite, &args).unwrap_err());
-    assert!(error.contains("is for scenarios by hand"), "{error}");
+    assert!(error.contains("which only scenarios made by hand may have"), "{error}");
 }

@@ -185,13 +185,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 }
 
 async fn play(args: &Args) -> anyhow::Result<ExitCode> {
-    let mut address = ServerAddress::parse(&args.env_url).context("--env-url")?;
-    if let Some(variable) = &args.env_token_env {
-        let Some(token) = llm_args::read_key(&[variable], |name| std::env::var(name))? else {
-            bail!("--env-token-env {variable}: the variable is not set or is empty");
-        };
-        address = address.with_token(token.expose_secret()).context("--env-token-env")?;
-    }
+    let address = server_address(args)?;
     let mut tasks: Vec<OpenEnvTask> = Vec::new();
     for task in if args.tasks.is_empty() { OpenEnvTask::default_tasks() } else { args.tasks.clone() } {
         if !tasks.iter().any(|known| known.spec.id() == task.spec.id()) {
@@ -246,6 +240,16 @@ async fn play(args: &Args) -> anyhow::Result<ExitCode> {
     let results =
         runner::run_episodes(&planned, &policy_source, &output, args.concurrency.into(), &stop).await?;
     finish(&tasks, &planned, results, matches!(policy_source, PolicySource::Model { .. }))
+}
+
+/// Returns the address of the server, with the token if the arguments name its variable.
+fn server_address(args: &Args) -> anyhow::Result<ServerAddress> {
+    let address = ServerAddress::parse(&args.env_url).context("--env-url")?;
+    let Some(variable) = &args.env_token_env else { return Ok(address) };
+    let Some(token) = llm_args::read_key(&[variable], |name| std::env::var(name))? else {
+        bail!("--env-token-env {variable}: the variable is not set or is empty");
+    };
+    address.with_token(token.expose_secret()).context("--env-token-env")
 }
 
 /// Returns the policy that the arguments select.

@@ -97,12 +97,7 @@ fn posterior(task: &TaskReport) -> String {
 
 fn task_section(report: &RunReport, task: &TaskReport) -> anyhow::Result<Markup> {
     let times: Vec<Millis> = task.points.iter().map(|point| point.start + report.point_width / 2).collect();
-    let marks: Vec<LevelMark> = task
-        .moves
-        .iter()
-        .filter(|row| row.at >= report.range.start)
-        .map(|row| LevelMark { at: row.at, is_upward: row.kind != LevelMoveKind::Down })
-        .collect();
+    let marks = level_marks(report, task);
     let of = |value: &dyn Fn(&HistoryBucket) -> Option<f64>| {
         task.points.iter().map(|point| value(&point.bucket)).collect::<Vec<_>>()
     };
@@ -153,16 +148,27 @@ fn task_section(report: &RunReport, task: &TaskReport) -> anyhow::Result<Markup>
     Ok(html! {
         h2 { (task.spec.id()) }
         @if task.points.is_empty() { p .soft { "No results yet." } }
-        @else {
-            div .pictures {
-                @for (title, legend, picture) in &pictures {
-                    figure { (PreEscaped(picture)) figcaption { strong { (title.replace('_', " ")) } " " (legend) } }
-                }
-            }
-        }
+        @else { (figures(&pictures)) }
         (level_moves(task))
         (failure_modes(task))
     })
+}
+
+/// Returns the level moves in the range of the report.
+fn level_marks(report: &RunReport, task: &TaskReport) -> Vec<LevelMark> {
+    let moves = task.moves.iter().filter(|row| row.at >= report.range.start);
+    moves.map(|row| LevelMark { at: row.at, is_upward: row.kind != LevelMoveKind::Down }).collect()
+}
+
+/// Returns pictures with their titles and legends.
+fn figures(pictures: &[(String, Markup, String)]) -> Markup {
+    html! {
+        div .pictures {
+            @for (title, legend, picture) in pictures {
+                figure { (PreEscaped(picture)) figcaption { strong { (title.replace('_', " ")) } " " (legend) } }
+            }
+        }
+    }
 }
 
 /// Returns the range of the axis of a level: at least levels 0 to 4, so that its labels are whole numbers.

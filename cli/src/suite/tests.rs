@@ -120,9 +120,9 @@ fn a_forged_suite_is_refused() {
     ].map(|error| error.to_string()).join("\n"), @r#"
     scenario 0 of kessler/survival level 2: seed 5 is not an evaluation seed
     scenario 0 of kessler/survival level 2: recipe and seed give other canonical bytes here
-    scenario 0 of kessler/survival level 2: seed is 9007199254740992, but must be a whole number from 0 to 2251799813685247 (larger ones are kept for training and evaluation)
+    scenario 0 of kessler/survival level 2: seed must be an integer from 0 to 2251799813685247 (larger seeds are reserved for training and evaluation), got 9007199254740992
     scenario 0 of kessler/survival level 2: recipe and seed give other canonical bytes here
-    scenario 0 of kessler/survival level 2: params.debris is 5000, outside 0 to 1000
+    scenario 0 of kessler/survival level 2: params.debris must be from 0 to 1000, got 5000
     scenario 0 of kessler/eco_station level 2: its recipe belongs to kessler/survival
     its format is "sparring-suite/2"; this build reads "sparring-suite/1"
     it is not a suite file: unknown field `ceiling`, expected one of `part`, `seed`, `id`, `canonical`, `floor`, `reference`, `panel` at line 3 column 518

@@ -97,7 +97,7 @@ async fn accept(listener: &TcpListener, quota: &Quota<IpAddr>) -> AcceptedConnec
             Ok((stream, peer)) => match quota.assign(total, &peer.ip()) {
                 Ok(permit) => return AcceptedConnection { stream, peer, permit },
                 Err(_) => {
-                    tracing::debug!(peer = %peer, "A connection was closed: its address has too many connections.")
+                    tracing::debug!(peer = %peer, "A connection was closed: its address has too many connections.");
                 }
             },
             Err(error) if concerns_one_connection(&error) => {}

@@ -26,10 +26,10 @@ fn assert_has_no_key(text: &str) {
     assert!(!text.contains(API_KEY), "{text}");
 }
 
-#[tokio::test]
-async fn endpoint_faults_are_reported_and_do_not_count() {
+/// Returns the name, the response and a part of the reported reason of each fault. A response of `None` is a closed port.
+fn endpoint_faults() -> [(&'static str, Option<ResponseTemplate>, &'static str); 7] {
     let status = |status: u16| ResponseTemplate::new(status).set_body_string(format!("no, {API_KEY}"));
-    let cases = [
+    [
         ("down", None, "cannot be reached"),
         ("slow", Some(chat_response(HOLD_ACTION).set_delay(Duration::from_secs(300))), "within"),
         ("500", Some(status(500)), "status 500"),
@@ -45,9 +45,13 @@ async fn endpoint_faults_are_reported_and_do_not_count() {
             Some(ResponseTemplate::new(200).set_body_json(json!({"choices": []}))),
             "response is invalid",
         ),
-    ];
+    ]
+}
+
+#[tokio::test]
+async fn endpoint_faults_are_reported_and_do_not_count() {
     let closed = ClosedPort::reserve();
-    for (name, response, reason) in cases {
+    for (name, response, reason) in endpoint_faults() {
         let mock = match response {
             Some(response) => Some(start_endpoint([response]).await),
             None => None,
