@@ -174,7 +174,7 @@ impl From<ServiceError> for Problem {
             E::RunExists(_) => problem(StatusCode::CONFLICT, "run_exists").at("id"),
             E::RunBeingDeleted(_) => problem(StatusCode::CONFLICT, "run_being_deleted").at("id"),
             E::RunNotArchived(_) => problem(StatusCode::CONFLICT, "run_not_archived"),
-            E::RunNameMismatch { .. } => problem(StatusCode::BAD_REQUEST, "name_mismatch").at("name"),
+            E::RunNameMismatch { .. } => problem(StatusCode::CONFLICT, "name_mismatch").at("name"),
             E::Paused(_) => problem(StatusCode::CONFLICT, "paused"),
             E::ColumnsConflict(_) => problem(StatusCode::CONFLICT, "columns_conflict"),
             E::AuditDue(_) => problem(StatusCode::CONFLICT, "audit_due"),
