@@ -102,13 +102,13 @@ fn people_read_a_table() {
 
 #[test]
 fn machines_read_an_object() {
-    let told = shown(vec![action(1, Verdict::Needed, 0.31)]).json();
-    assert_eq!(told["failures"][0]["encounter"]["cheapest_avoidance"]["step"], 14);
+    let json = shown(vec![action(1, Verdict::Needed, 0.31)]).json();
+    assert_eq!(json["failures"][0]["encounter"]["cheapest_avoidance"]["step"], 14);
     assert_eq!(
-        (&told["actions"][0]["verdict"], &told["assessment"]["case"]),
+        (&json["actions"][0]["verdict"], &json["assessment"]["case"]),
         (&json!("needed"), &json!("missed"))
     );
-    assert_eq!((&told["skill"], &told["outcome"]["lost"]), (&Value::Null, &json!(2)));
+    assert_eq!((&json["skill"], &json["outcome"]["lost"]), (&Value::Null, &json!(2)));
 }
 
 #[test]
@@ -136,17 +136,17 @@ fn an_episode_is_read_from_its_files() {
     }
 
     let fault = |line: &[&str]| format!("{:#}", run(&args(line)).unwrap_err());
-    let told = |line: &[&str]| fault(line).replace(&folder.path().display().to_string(), "DIR");
+    let error_of = |line: &[&str]| fault(line).replace(&folder.path().display().to_string(), "DIR");
     let stranger = file("stranger.json", json!({"task": "kessler/nothing", "seed": 1}));
     let halted = file("halted.json", json!({"steps": [], "stopped": "bored"}));
     let words = [
-        told(&[&bare]),
-        told(&["/no/such/file"]),
-        told(&[&bare, "--policy", "nobody"]),
-        told(&[&stranger, "--policy", "hold"]).split(';').next().unwrap().to_owned(),
-        told(&[&bare, "--actions", &halted]),
-        told(&[&bare, "--actions", &bare]),
-        told(&[&bare, "--actions", &file("short.json", json!([[]]))]),
+        error_of(&[&bare]),
+        error_of(&["/no/such/file"]),
+        error_of(&[&bare, "--policy", "missing"]),
+        error_of(&[&stranger, "--policy", "hold"]).split(';').next().unwrap().to_owned(),
+        error_of(&[&bare, "--actions", &halted]),
+        error_of(&[&bare, "--actions", &bare]),
+        error_of(&[&bare, "--actions", &file("short.json", json!([[]]))]),
     ];
     insta::assert_snapshot!("faults", words.join("\n"));
 }
@@ -155,9 +155,9 @@ fn an_episode_is_read_from_its_files() {
 fn the_telemetry_is_a_frame_a_line() {
     let folder = tempfile::tempdir().unwrap();
     let (scenario, flight) = (folder.path().join("scenario.json"), folder.path().join("flight.jsonl"));
-    let told = json!({"task": "kessler/survival", "seed": 7, "params": {"debris": 80},
+    let scenario_json = json!({"task": "kessler/survival", "seed": 7, "params": {"debris": 80},
                       "physics": {"warnings": "exact", "contact": "swept"}});
-    std::fs::write(&scenario, told.to_string()).unwrap();
+    std::fs::write(&scenario, scenario_json.to_string()).unwrap();
     let paths = [&scenario, &flight].map(|path| path.to_str().unwrap().to_owned());
     let line = args(&[&paths[0], "--policy", "hold", "--telemetry", &paths[1]]);
     assert_eq!(run(&line).unwrap(), ExitCode::SUCCESS);
@@ -165,7 +165,7 @@ fn the_telemetry_is_a_frame_a_line() {
     let frames: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert!(frames.len() > 10 && frames.iter().enumerate().all(|(at, frame)| frame["step"] == at));
     let warned = |frame: &Value| frame["observation"]["conjunctions"].as_array().unwrap().len();
-    assert!(frames.iter().map(warned).sum::<usize>() > 0, "80 pieces come near somebody");
+    assert!(frames.iter().map(warned).sum::<usize>() > 0, "80 pieces come near a satellite");
     let nowhere = args(&[&paths[0], "--policy", "hold", "--telemetry", "/nowhere/flight.jsonl"]);
     let error = format!("{:#}", run(&nowhere).unwrap_err());
     assert!(error.starts_with("/nowhere/flight.jsonl: it cannot be written: "), "{error}");

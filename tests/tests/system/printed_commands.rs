@@ -59,8 +59,10 @@ fn pages() -> Vec<PathBuf> {
 fn commands(page: &Path) -> Vec<String> {
     let text = fs::read_to_string(Path::new(ROOT).join(page)).unwrap();
     let mut commands = Vec::new();
-    for block in text.split("```sh\n").skip(1) {
-        let (block, _) = block.split_once("```").unwrap();
+    let mut rest = text.as_str();
+    while let Some((_, block_and_rest)) = rest.split_once("```sh\n") {
+        let (block, after) = block_and_rest.split_once("```").unwrap();
+        rest = after;
         let joined = block.replace("\\\n", " ");
         commands.extend(joined.lines().map(str::trim).filter(is_command).map(str::to_owned));
     }

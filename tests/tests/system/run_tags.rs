@@ -37,7 +37,7 @@ async fn tags_are_set_replaced_and_kept() {
     let api = server.api();
     assert_eq!(api.get("/v1/runs/a").await.expect(200)["tags"], replaced["tags"]);
     assert_eq!(put(&api, "a", json!([])).await.expect(200)["tags"], json!([]));
-    assert_eq!(put(&api, "nobody", json!([])).await.expect(404)["type"], "urn:sparring:problem:unknown_run");
+    assert_eq!(put(&api, "missing", json!([])).await.expect(404)["type"], "urn:sparring:problem:unknown_run");
     let audit = api.get("/v1/audit").await.expect(200);
     let operations: Vec<_> =
         audit["entries"].as_array().unwrap().iter().map(|entry| &entry["operation"]).collect();

@@ -10,7 +10,7 @@ async fn only_archived_runs_are_deleted_by_name() {
     let server = Server::start().await;
     let api = server.api();
     create(&api, "a", json!({"name": "100 % & more"})).await;
-    assert!(is_unknown_run(&delete(&api, "nobody", "?name=x").await));
+    assert!(is_unknown_run(&delete(&api, "missing", "?name=x").await));
     let name = "?name=100%20%25%20%26%20more";
     let problem = delete(&api, "a", name).await.expect(409);
     assert_eq!(problem["type"], "urn:sparring:problem:run_not_archived");
