@@ -9,7 +9,7 @@ use serde::Serialize;
 use store::step_verdicts::{self, StepScores};
 
 use super::output::{self, Column, JsonFlag, Report, TextTable};
-use orchestrator::judging::agreement::{Agreement, Band, ScorePair};
+use llm_policy::judging::agreement::{Agreement, Band, ScorePair};
 
 /// Measure how well a judging language model agrees with the deterministic judge.
 #[derive(Debug, clap::Args)]

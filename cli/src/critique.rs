@@ -14,8 +14,8 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::output::{Column, JsonFlag, Report, TextTable, print_json, print_report};
-use orchestrator::frames::{FrameContent, FrameRange, frames};
-use orchestrator::input::{self, InputError};
+use env_core::frames::{FrameContent, FrameRange, frames};
+use strict_input::InputError;
 
 /// Explain why an episode lost score, and what each of its actions was worth.
 ///
@@ -124,7 +124,7 @@ fn write_frames(scenario: &Scenario, log: &ActionLog, path: &Path) -> anyhow::Re
 
 fn read(path: &Path) -> anyhow::Result<Value> {
     let text = std::fs::read_to_string(path).with_context(|| format!("{} cannot be read", path.display()))?;
-    input::parse_json(text.as_bytes()).map_err(|error| match error {
+    strict_input::parse_json(text.as_bytes()).map_err(|error| match error {
         InputError::Malformed(why) => anyhow!("{} is not JSON: {why}", path.display()),
         InputError::DuplicateKey(fault) => anyhow!("{}: {fault}", path.display()),
     })
@@ -159,7 +159,7 @@ struct ActionsFile {
 fn parse_actions(scenario: &Scenario, value: Value) -> anyhow::Result<ActionLog> {
     let actions = match value {
         Value::Array(steps) => ActionsFile { steps, precision: None, stopped: None },
-        other => input::from_value(other)?,
+        other => strict_input::from_value(other)?,
     };
     let precision = match actions.precision.as_deref() {
         None | Some("f64") => Precision::F64,

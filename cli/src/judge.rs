@@ -6,8 +6,8 @@ use std::sync::Arc;
 use anyhow::{Context, bail};
 use api_types::Judge;
 use llm::{LlmClient, LlmConfig};
+use llm_policy::judging::{Judges, ModelJudge, parse_judge};
 use orchestrator::clock::Clock;
-use orchestrator::judging::{Judges, ModelJudge, parse_judge};
 
 use super::llm_args::{self, LlmArgs};
 

@@ -17,7 +17,7 @@ pub struct ChosenOption {
     choice: String,
 }
 
-pub use orchestrator::evaluation::report::TaskOptions;
+pub use evaluation::report::TaskOptions;
 
 impl std::fmt::Display for ChosenOption {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {

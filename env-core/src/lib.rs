@@ -8,6 +8,7 @@
 //! - A *task* ([`task::TaskSpec`]) defines scenarios, episodes, policies and critiques. Nothing outside a world's module knows
 //!   the columns of its bodies: callers use parameter spaces, levels and outcomes as data.
 //! - [`registry`] lists all worlds and is above them.
+//! - [`frames`] shows an episode step by step as JSON.
 //! - [`rollout`] runs single episodes, [`batch`] steps many environments, [`admission`] judges scenarios by their bracket.
 //!
 //! The OpenEnv protocol of tasks is in the crate `openenv-wire`. Start reading at [`mod@task`].
@@ -21,6 +22,7 @@ mod difference_tally;
 pub mod docking;
 pub mod episode_rng;
 pub mod error;
+pub mod frames;
 mod json_fields;
 mod json_writer;
 pub mod kessler;

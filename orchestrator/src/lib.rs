@@ -2,29 +2,26 @@
 //!
 //! [`service::Service`] starts everything. From the outside to the inside:
 //!
-//! - [`http`] parses requests, [`queries`] are its read models, [`input`] reads JSON strictly.
-//! - Use cases: [`runs`], [`leases`], [`results`], [`critiques`], [`designs`], [`rollouts`], [`evaluation`], [`retention`].
+//! - [`http`] parses requests, [`queries`] are its read models.
+//! - Use cases: [`runs`], [`leases`], [`results`], [`critiques`], [`designs`], [`rollouts`], [`evaluations`], [`retention`].
 //! - [`engine`] is the only writer of the database and holds the state of runs; the crate `store` has all SQL.
 //! - [`workers`] run in the background.
 //! - [`limits`] bound what clients may use.
-//! - [`sessions`] run environments on the server; [`judging`] judges their steps, [`policy`] lets a language model act.
+//! - [`sessions`] run environments on the server.
 //!
-//! The curriculum's decisions are in the crate `curriculum`, the worlds in `env-core`, the command line in `cli`.
+//! The curriculum's decisions are in the crate `curriculum`, the worlds in `env-core`, suites and
+//! statistics in `evaluation`, chat policy and judges in `llm-policy`, and the command line in `cli`.
 
 mod api_enums;
 pub mod clock;
 pub mod critiques;
 pub mod designs;
 pub mod engine;
-pub mod evaluation;
-pub mod frames;
+pub mod evaluations;
 pub mod http;
-pub mod input;
-pub mod judging;
 pub mod leases;
 pub mod limits;
 pub mod metrics;
-pub mod policy;
 pub mod queries;
 pub mod results;
 pub mod retention;

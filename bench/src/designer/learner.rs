@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, ensure};
 use env_core::admission::{SuccessRule, is_success};
 use env_core::rollout::roll_out;
-use orchestrator::evaluation::suite::{self, SuiteEntry, SuitePart};
+use evaluation::suite::{self, SuiteEntry, SuitePart};
 use rayon::prelude::*;
 use serde_json::Value;
 use statrs::distribution::{ContinuousCDF, StudentsT};

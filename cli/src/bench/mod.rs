@@ -15,7 +15,7 @@ use serde::Serialize;
 use self::stepped_batch::SteppedBatch;
 use super::options::{self, ChosenOption};
 use super::{output, worlds};
-use orchestrator::evaluation::bootstrap::quantile;
+use evaluation::bootstrap::quantile;
 
 /// Slices of a measurement. Their median is reported, so that one disturbance does not count.
 const SLICE_COUNT: u32 = 20;

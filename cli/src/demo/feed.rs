@@ -5,7 +5,7 @@ use api_types::{
     ResultsResponse, TaskMastery,
 };
 use env_core::ActionLog;
-use orchestrator::frames::wire_step;
+use env_core::frames::wire_step;
 
 use super::designs::Designs;
 

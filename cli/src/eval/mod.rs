@@ -1,6 +1,6 @@
 //! `sparring eval`: evaluates policies on a frozen suite.
 //!
-//! The evaluation itself lives in `orchestrator::evaluation`. [`physics`] changes the options of a suite, [`tables`] and
+//! The evaluation itself lives in `evaluation`. [`physics`] changes the options of a suite, [`tables`] and
 //! [`picture`] print the report.
 
 mod physics;
@@ -19,11 +19,11 @@ use self::physics::ChangedPhysics;
 use super::options::{self, ChosenOption};
 use super::output::{self, JsonFlag};
 use super::worlds;
-use orchestrator::evaluation::report::ReportSettings;
-use orchestrator::evaluation::suite::Suite;
-use orchestrator::evaluation::suite::file::{self, LoadedSuite};
-use orchestrator::evaluation::suite_rollout::{SuiteRolloutSettings, roll_out_policy};
-use orchestrator::evaluation::{EvaluationReport, PolicyResults};
+use evaluation::report::ReportSettings;
+use evaluation::suite::Suite;
+use evaluation::suite::file::{self, LoadedSuite};
+use evaluation::suite_rollout::{SuiteRolloutSettings, roll_out_policy};
+use evaluation::{EvaluationReport, PolicyResults};
 
 /// Evaluate policies on a frozen suite, with 95 % confidence intervals.
 ///

@@ -9,7 +9,7 @@ use indicatif::ProgressBar;
 use rayon::prelude::*;
 
 use crate::options::{self, TaskOptions};
-use orchestrator::evaluation::suite::{Suite, SuiteEntry, SuiteGroup, SuitePart};
+use evaluation::suite::{Suite, SuiteEntry, SuiteGroup, SuitePart};
 
 /// Difference between the evaluated physics and those of the suite.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,8 +1,8 @@
 //! Draws the success rates of an evaluation with their intervals, one panel per task.
 
 use api_types::{Estimate, EvaluationEstimates, SuiteSection};
-use orchestrator::evaluation::EvaluationReport;
-use orchestrator::evaluation::report::ALL_LABEL;
+use evaluation::EvaluationReport;
+use evaluation::report::ALL_LABEL;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 

@@ -1,8 +1,8 @@
 //! Formats an evaluation report as text tables.
 
 use api_types::{ComparisonEstimates, Estimate, EvaluationEstimates, SuiteSection};
-use orchestrator::evaluation::EvaluationReport;
-use orchestrator::evaluation::report::ALL_LABEL;
+use evaluation::EvaluationReport;
+use evaluation::report::ALL_LABEL;
 
 use crate::output::{Column, Report, TextTable};
 

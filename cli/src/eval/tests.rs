@@ -3,8 +3,8 @@
 use super::*;
 use crate::output::OutputTarget;
 use crate::suite::tests::{mixed, small};
-use orchestrator::evaluation::results::measure_episode;
-use orchestrator::evaluation::suite::SuitePart;
+use evaluation::results::measure_episode;
+use evaluation::suite::SuitePart;
 
 fn flown(suite: &Suite, policy: &str, rollouts: u32) -> PolicyResults {
     roll_out_policy(suite, policy, SuiteRolloutSettings { seed: 0, rollouts }, &|| ()).unwrap()

@@ -9,7 +9,7 @@ use super::episode_policy::{DecisionError, EpisodePolicy, StepDecision};
 use super::openenv_task::{OpenEnvTask, first_word};
 use super::session::{ServerAddress, Session, SessionError};
 use super::transcript::{TranscriptRecord, TranscriptWriter};
-use orchestrator::policy::TimeStep;
+use llm_policy::TimeStep;
 
 /// Resets within which the requested task must appear: the public kessler-env serves its three tasks in turn.
 const MAX_RESETS: u32 = 4;

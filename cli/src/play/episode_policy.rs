@@ -10,7 +10,7 @@ use llm::{LlmClient, LlmError};
 use serde_json::Value;
 
 use super::openenv_task::OpenEnvTask;
-use orchestrator::policy::{ActionCodec, ChatPolicy, ChatSettings, ChatTurn, TaskPrompt, TimeStep};
+use llm_policy::{ActionCodec, ChatPolicy, ChatSettings, ChatTurn, TaskPrompt, TimeStep};
 
 /// Policy that plans on the scenario itself, which no server discloses.
 const HINDSIGHT_POLICY: &str = "reference";
@@ -25,7 +25,7 @@ pub(super) enum PolicySource {
         /// Settings of the chat requests.
         settings: ChatSettings,
         /// Format of observations in the prompt.
-        telemetry: orchestrator::policy::ObservationFormat,
+        telemetry: llm_policy::ObservationFormat,
         /// True once the model has returned a valid action.
         answered: Arc<AtomicBool>,
     },

@@ -2,7 +2,7 @@
 //!
 //! [`runner`] runs several episodes concurrently and [`episode`] runs one; start reading there. [`session`] is the WebSocket
 //! client, [`episode_policy`] chooses actions, [`transcript`] writes the output. The chat policy itself lives in
-//! `orchestrator::policy`.
+//! `llm_policy`.
 
 mod episode;
 mod episode_policy;
@@ -34,7 +34,7 @@ use self::session::ServerAddress;
 use self::transcript::{Transcript, TranscriptFormat};
 use super::serve::StopSignal;
 use super::{llm_args, worlds};
-use orchestrator::policy::{ActionCodec, ChatSettings, ObservationFormat};
+use llm_policy::{ActionCodec, ChatSettings, ObservationFormat};
 
 /// Run a language model as the policy on an OpenEnv server: this project's or the public kessler-env.
 ///

@@ -10,7 +10,7 @@ use tokio::sync::watch;
 use super::episode::{self, EpisodeJob, EpisodeResult, PlayError};
 use super::episode_policy::{DecisionError, PolicySource};
 use super::transcript::Transcript;
-use orchestrator::policy::ActionCodec;
+use llm_policy::ActionCodec;
 
 /// Consecutive episodes without a first step after which no further episode is started. The limit is the concurrency, if
 /// that is larger.

@@ -16,7 +16,7 @@ use tokio_tungstenite::tungstenite::http::{HeaderValue, StatusCode, header::AUTH
 use tokio_tungstenite::tungstenite::{self, Message, protocol::WebSocketConfig};
 use tokio_tungstenite::{Connector, MaybeTlsStream, WebSocketStream, connect_async_tls_with_config};
 
-use orchestrator::policy::TimeStep;
+use llm_policy::TimeStep;
 
 /// Largest message in bytes. An observation with 1000 pieces of debris has about 100 000 bytes.
 const MAX_MESSAGE_BYTES: usize = 8 << 20;

@@ -12,7 +12,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::super::output;
-use orchestrator::policy::ChatTurn;
+use llm_policy::ChatTurn;
 
 /// Format of the records on stdout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -10,7 +10,7 @@ use sqlx::{Acquire, SqliteConnection};
 use ::curriculum::{Explanation, Mastery, TaskStatus};
 use orchestrator::clock::Millis;
 use orchestrator::engine::task_history::mastery_samples;
-use orchestrator::evaluation::read;
+use orchestrator::evaluations::read;
 use orchestrator::queries::current_mastery::update_last_points;
 use orchestrator::queries::run_progress::RunProgress;
 use store::curriculum::{self, LevelMoveRow};

@@ -235,7 +235,7 @@ fn sections(samples: &[SimulatedGroup], episodes: u64) -> Vec<Section> {
             samples.iter().filter(|s| (from..to).contains(&(s.episodes_before as f64))).collect();
         let mut difficulties: Vec<f64> = these.iter().map(|sample| sample.difficulty).collect();
         difficulties.sort_by(f64::total_cmp);
-        let quantile = |share: f64| orchestrator::evaluation::bootstrap::quantile(&difficulties, share);
+        let quantile = |share: f64| evaluation::bootstrap::quantile(&difficulties, share);
         let (Some(low), Some(middle), Some(high)) = (quantile(0.1), quantile(0.5), quantile(0.9)) else {
             continue;
         };

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use crate::options::{self, ChosenOption, TaskOptions};
 use crate::{output, worlds};
-use orchestrator::evaluation::suite::{Suite, SuiteEntry, SuiteGroup, SuitePart, file};
+use evaluation::suite::{Suite, SuiteEntry, SuiteGroup, SuitePart, file};
 
 /// Draws after which a level is given up. In the committed levels, at least 1 in 27 scenarios is contested.
 const MAX_DRAWS: usize = 20_000;

@@ -1,5 +1,5 @@
 //! `sparring suite`: builds and verifies frozen sets of held-out scenarios. The format of the files lives in
-//! `orchestrator::evaluation::suite`.
+//! `evaluation::suite`.
 
 pub mod build;
 #[cfg(test)]

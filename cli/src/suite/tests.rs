@@ -7,8 +7,8 @@ use indicatif::ProgressBar;
 use super::build::{SuitePlan, build};
 use super::verify::differences;
 use crate::options::{self, TaskOptions};
-use orchestrator::evaluation::suite::file::{self, BuiltInSuite, LoadedSuite};
-use orchestrator::evaluation::suite::{Suite, SuiteError, SuitePart};
+use evaluation::suite::file::{self, BuiltInSuite, LoadedSuite};
+use evaluation::suite::{Suite, SuiteError, SuitePart};
 
 /// A small suite of another world, with one level of a task of the first.
 pub(crate) fn mixed() -> Suite {

@@ -8,8 +8,8 @@ use indicatif::ProgressBar;
 use rayon::prelude::*;
 
 use crate::output;
-use orchestrator::evaluation::suite::file::{self, LoadedSuite};
-use orchestrator::evaluation::suite::{Suite, SuiteEntry, SuiteGroup, SuitePart};
+use evaluation::suite::file::{self, LoadedSuite};
+use evaluation::suite::{Suite, SuiteEntry, SuiteGroup, SuitePart};
 
 /// Largest number of listed differences.
 const MAX_LISTED_DIFFERENCES: usize = 10;

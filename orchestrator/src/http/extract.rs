@@ -8,8 +8,8 @@ use env_core::text::shorten;
 use serde::de::DeserializeOwned;
 
 use super::problem::Problem;
-use crate::input::{self, FieldError, InputError};
 use crate::limits::constants::BODY_TIMEOUT;
+use strict_input::{FieldError, InputError};
 
 /// Longest text of a client that an error repeats, in characters.
 const MAX_REPEATED_CHARS: usize = 300;
@@ -103,8 +103,8 @@ impl<T: DeserializeOwned> Json<T> {
     /// Parses a body that was received.
     pub(super) fn parse(EncodedBody { format, bytes }: EncodedBody) -> Result<Self, Problem> {
         let value = match format {
-            BodyFormat::Json => input::parse_json(&bytes),
-            BodyFormat::MessagePack => input::parse_messagepack(&bytes),
+            BodyFormat::Json => strict_input::parse_json(&bytes),
+            BodyFormat::MessagePack => strict_input::parse_messagepack(&bytes),
         };
         let value = value.map_err(|error| match error {
             InputError::DuplicateKey(error) => invalid(error),
@@ -137,7 +137,7 @@ impl Problem {
 
 /// Converts a parsed body to a request type.
 pub(super) fn parse_value<T: DeserializeOwned>(value: serde_json::Value) -> Result<T, Problem> {
-    input::from_value(value).map_err(invalid)
+    strict_input::from_value(value).map_err(invalid)
 }
 
 fn invalid(error: FieldError) -> Problem {
@@ -205,7 +205,7 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Query<T> {
         let axum::extract::Query(pairs) = pairs.map_err(|_| {
             bad("The query must have the form name=value&name=value, percent-encoded.").at("query")
         })?;
-        input::from_query_pairs(pairs).map(Self).map_err(|error| bad(&error.reason).at(error.field))
+        strict_input::from_query_pairs(pairs).map(Self).map_err(|error| bad(&error.reason).at(error.field))
     }
 }
 

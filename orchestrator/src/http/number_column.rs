@@ -205,9 +205,9 @@ pub(super) fn parse_columns<T: DeserializeOwned>(format: BodyFormat, body: &[u8]
             Ok(value) => return Ok(value),
             Err(error) => (error.to_string(), serde_json::from_slice::<IgnoredAny>(body).is_err()),
         },
-        BodyFormat::MessagePack => match crate::input::from_messagepack(body) {
+        BodyFormat::MessagePack => match strict_input::from_messagepack(body) {
             Ok(value) => return Ok(value),
-            Err(error) => (error.to_string(), crate::input::from_messagepack::<IgnoredAny>(body).is_err()),
+            Err(error) => (error.to_string(), strict_input::from_messagepack::<IgnoredAny>(body).is_err()),
         },
     };
     // serde_json appends the line and column of the text, which does not help a client that sends numbers.
@@ -231,7 +231,7 @@ fn key_problem(reason: &str) -> Problem {
     let quoted = |prefix: &str| reason.strip_prefix(prefix)?.split_once('`');
     if let Some((name, known)) = quoted("unknown field `") {
         let known = known.trim_start_matches(", expected one of ").replace('`', "");
-        let fault = crate::input::FieldError::unknown(name, &known);
+        let fault = strict_input::FieldError::unknown(name, &known);
         return Problem::invalid(fault.field, fault.reason);
     }
     match quoted("missing field `") {

@@ -11,11 +11,11 @@ use super::readiness::ReadinessProbe;
 use crate::clock::Clock;
 use crate::designs::Designers;
 use crate::engine::writer::Writer;
-use crate::judging::Judges;
 use crate::leases::lease_service::LeaseService;
 use crate::limits::{BodyLimit, ClientLimits, ConcurrencyLimits, LongPollLimit, Quota};
 use crate::rollouts::Endpoint;
 use crate::sessions::SessionManager;
+use llm_policy::judging::Judges;
 
 /// State of the server that every request handler receives. Clones share it.
 #[derive(Debug, Clone)]

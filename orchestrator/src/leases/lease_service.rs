@@ -12,7 +12,7 @@ use tokio::sync::watch;
 
 use crate::engine::error::ServiceError;
 use crate::engine::writer::Writer;
-use crate::evaluation::lease::create_suite_lease;
+use crate::evaluations::lease::create_suite_lease;
 use crate::leases::create::{CreateLease, GrantedLease};
 use crate::leases::eval::create_eval_lease;
 use crate::results::audit::audit;

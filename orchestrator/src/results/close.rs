@@ -22,7 +22,7 @@ use crate::leases::refill;
 use crate::leases::scenario_cache::ScenarioCache;
 use crate::results::observe::observe;
 use crate::results::report_summary::ReportSummary;
-use crate::{designs, evaluation};
+use crate::{designs, evaluations};
 
 /// Times a scenario is offered at most: a scenario that crashes every trainer must not return for ever.
 const MAX_ATTEMPTS: i64 = 3;
@@ -130,7 +130,7 @@ impl ClosingGroup<'_> {
         } else if group.layout.is_some() {
             designs::outcome::observe_designed_group(run, lease, group, is_enough, closed.expired).await
         } else {
-            evaluation::store_results::store_reported_group(run, lease, group).await?;
+            evaluations::store_results::store_reported_group(run, lease, group).await?;
             Ok(Vec::new())
         }
     }

@@ -19,7 +19,7 @@ use crate::engine::event::RunEvent;
 use crate::engine::run_tx::RunTx;
 use crate::engine::signals::Signal;
 use crate::engine::write_tx::WriteTx;
-use crate::evaluation::store_results;
+use crate::evaluations::store_results;
 use crate::metrics::LeaseEvent;
 use crate::results::audit_outcome::{AuditOutcome, AuditedEpisode};
 use crate::results::close::update_and_close;

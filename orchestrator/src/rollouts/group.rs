@@ -11,7 +11,6 @@ use store::scenarios::ScenarioLoader;
 use store::{StoreError, brackets, from_json, runs, to_json, to_u32, to_u64};
 
 use crate::engine::error::ServiceError;
-use crate::frames::wire_step;
 use crate::leases::bracket_view::scenario_bracket;
 use crate::leases::lease_service::LeaseService;
 use crate::results::audit_outcome::{AuditOutcome, AuditedEpisode};
@@ -23,6 +22,7 @@ use crate::rollouts::rollout_lease::RolloutLease;
 use crate::rollouts::run_episode::RolloutOutcome;
 use crate::rollouts::settings::settings_from_row;
 use crate::runs::settings::RunSettings;
+use env_core::frames::wire_step;
 
 /// Error of rolling out a group.
 #[derive(Debug, thiserror::Error)]

@@ -10,7 +10,7 @@ use serde::Serialize;
 use serde_json::Value;
 use serde_json::value::RawValue;
 
-use crate::policy::Completion;
+use llm_policy::Completion;
 
 /// Size of a group as JSON, in bytes, above which observations are left out, then conversations.
 pub const MAX_GROUP_BYTES: usize = 16 << 20;

@@ -8,9 +8,9 @@ use env_core::task::{AgentReport, Episode, StepReport};
 use env_core::{ActionLog, JointAction, Scenario, ScenarioError, StepError, StopReason};
 use serde_json::value::RawValue;
 
-use crate::frames::wire_step;
-use crate::policy::{Completion, TimeStep};
 use crate::rollouts::group_record::{MAX_GROUP_BYTES, StepRecord};
+use env_core::frames::wire_step;
+use llm_policy::{Completion, TimeStep};
 
 /// Memory budget of the episodes of a group together: 16 MiB of observations and 16 MiB of conversations. A group that exceeds one
 /// of them is delivered without it.

@@ -4,11 +4,11 @@ use api_types::{PolicySettings, TrajectoryMetrics};
 use env_core::{Scenario, StopReason};
 use llm::LlmError;
 
-use crate::policy::{
-    ActionCodec, ActionFailure, ChatPolicy, ChatSettings, ChatTurn, ObservationFormat, TaskPrompt,
-};
 use crate::rollouts::recorder::{EpisodeRecorder, RecordedEpisode, RecordingBudget};
 use crate::rollouts::settings::Endpoint;
+use llm_policy::{
+    ActionCodec, ActionFailure, ChatPolicy, ChatSettings, ChatTurn, ObservationFormat, TaskPrompt,
+};
 
 /// Result of rolling out an episode.
 #[derive(Debug)]

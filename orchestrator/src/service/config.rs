@@ -8,11 +8,11 @@ use store::{OpenError, StoreError};
 
 use crate::clock::Clock;
 use crate::designs::{BuiltInDesigners, Designers};
-use crate::judging::Judges;
 use crate::limits::ClientLimits;
 use crate::rollouts::Endpoint;
 use crate::sessions::SessionLimits;
 use crate::tokens::Token;
+use llm_policy::judging::Judges;
 
 /// Configuration of the service.
 #[derive(Debug, Clone)]

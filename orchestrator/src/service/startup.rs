@@ -11,7 +11,7 @@ use tokio::net::TcpListener;
 
 use super::config::{Config, StartError};
 use crate::http::ApiSurface;
-use crate::judging::ModelJudge;
+use llm_policy::judging::ModelJudge;
 
 /// Database that was opened for this server.
 pub(super) struct OpenDatabase {

@@ -6,8 +6,8 @@ use serde_json::Value;
 use store::step_verdicts::StepVerdictRow;
 use store::to_i64;
 
-use crate::judging::{JudgedStep, StepVerdicts};
-use crate::policy::TimeStep;
+use llm_policy::TimeStep;
+use llm_policy::judging::{JudgedStep, StepVerdicts};
 
 /// Reward and score of an episode under a judge.
 #[derive(Debug, Clone, PartialEq)]

@@ -15,9 +15,9 @@ use super::resumable::ResumableSessions;
 use super::session::Session;
 use super::session_leases::SessionLeases;
 use super::vector::MemoryExceeded;
-use crate::judging::Judges;
 use crate::leases::lease_service::LeaseService;
 use crate::limits::{Quota, QuotaExceeded, QuotaPermit};
+use llm_policy::judging::Judges;
 
 /// Maximum duration of the wait for open sessions at shutdown.
 const SESSIONS_SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(2);

@@ -15,9 +15,9 @@ use super::judged_score::{JudgedScore, observation_without_reward, verdict_row};
 use super::session_leases::{EpisodeReservation, SessionLeases, runs_not_allowed};
 use super::session_request::EpisodeSource;
 use crate::engine::error::ServiceError;
-use crate::judging::{JudgedStep, Judges};
 use crate::limits::QuotaPermit;
-use crate::policy::TimeStep;
+use llm_policy::TimeStep;
+use llm_policy::judging::{JudgedStep, Judges};
 
 /// Error of a reset or a step.
 #[derive(Debug, thiserror::Error)]

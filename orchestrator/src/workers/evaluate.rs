@@ -9,12 +9,12 @@ use store::{to_u32, to_u64};
 
 use crate::engine::error::ServiceError;
 use crate::engine::writer::Writer;
-use crate::evaluation::PolicyResults;
-use crate::evaluation::read::suite_of;
-use crate::evaluation::store_results::StoreSuiteResults;
-use crate::evaluation::suite_rollout::{SuiteRolloutSettings, roll_out_policy};
+use crate::evaluations::read::suite_of;
+use crate::evaluations::store_results::StoreSuiteResults;
 use crate::metrics;
 use crate::workers::round_error::ends_worker;
+use evaluation::PolicyResults;
+use evaluation::suite_rollout::{SuiteRolloutSettings, roll_out_policy};
 
 /// Interval between two checks for an evaluation.
 const POLL_INTERVAL: Duration = Duration::from_millis(500);

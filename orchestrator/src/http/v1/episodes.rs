@@ -17,7 +17,6 @@ use store::{compacted_leases, from_json};
 
 use super::episode_list::{compacted_summary, episode_summary};
 use crate::engine::error::ServiceError;
-use crate::frames::{FrameContent, FrameRange, FramesError, MAX_FRAME_BYTES, frames, wire_step};
 use crate::http::extract::{NoQuery, Path, Query};
 use crate::http::path_ids::{parse_id, parse_run_id};
 use crate::http::problem::Problem;
@@ -25,6 +24,7 @@ use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::leases::bracket_view::scenario_bracket;
 use crate::leases::find::find_lease;
+use env_core::frames::{FrameContent, FrameRange, FramesError, MAX_FRAME_BYTES, frames, wire_step};
 
 /// Get an episode with its scenario, outcome and actions.
 #[utoipa::path(

@@ -16,7 +16,7 @@ use crate::http::large_body::{LargeBody, receive_large_body};
 use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
-use crate::input;
+
 use crate::results::refusal::Refusal;
 use crate::results::report::ReportReceipts;
 use crate::results::report_summary::ReportSummary;
@@ -71,7 +71,7 @@ fn read_report(body: EncodedBody) -> Result<(Option<u32>, Vec<ReportedEpisode>),
 /// Reads one result. A malformed result is refused on its own if it names its episode; otherwise the whole body is rejected.
 fn read_result(index: usize, value: Value) -> Result<ReportedEpisode, Problem> {
     let episode = value.get("episode").and_then(Value::as_str).map(str::to_owned);
-    match (input::from_value(value), episode) {
+    match (strict_input::from_value(value), episode) {
         (Ok(result), _) => reported_episode(result),
         (Err(fault), Some(episode)) => {
             let detail = format!("{}: {}", fault.field, fault.reason);

@@ -9,10 +9,10 @@ use env_core::rollout::read_log;
 use serde_json::Value;
 
 use super::scenarios::{replay_problem, user_scenario};
-use crate::frames::{FrameContent, FrameRange, MAX_FRAME_BYTES, frames};
 use crate::http::extract::{Json, NoQuery, parse_value};
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
+use env_core::frames::{FrameContent, FrameRange, MAX_FRAME_BYTES, frames};
 
 /// Roll out a scenario to the end of its steps, to the step `until`, or to the end of the episode.
 ///
@@ -48,7 +48,7 @@ fn roll_out(scenario: &Scenario, steps: &[Value], from: u32, until: u32) -> Resu
     }
     let range = FrameRange { first: from, last, max_bytes: MAX_FRAME_BYTES };
     let frames = frames(scenario, &log, FrameContent::Telemetry, range).map_err(|error| match error {
-        crate::frames::FramesError::Scenario(error) => replay_problem("", ReplayError::Scenario(error)),
+        env_core::frames::FramesError::Scenario(error) => replay_problem("", ReplayError::Scenario(error)),
         error => Problem::invalid("steps", error.to_string()),
     })?;
     let done = frames.last().is_some_and(|frame| frame["done"] == true);

@@ -11,11 +11,11 @@ use serde_json::Value;
 
 use super::episode_critique::critique_response;
 use super::results::{precision, stop_reason};
-use crate::frames::{FrameContent, FrameRange, MAX_FRAME_BYTES, frames};
 use crate::http::extract::{Json, NoQuery, parse_value};
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::leases::bracket_view::scenario_bracket;
+use env_core::frames::{FrameContent, FrameRange, MAX_FRAME_BYTES, frames};
 
 /// Check a scenario: validate it, compute its bracket, and replay and criticise actions on it.
 ///

@@ -2,10 +2,10 @@
 
 use api_types::{Suite, SuiteList};
 
-use crate::evaluation::suite::file::{BUILT_IN_SUITES, DEFAULT_SUITE, built_in};
 use crate::http::blocking::run_blocking;
 use crate::http::extract::NoQuery;
 use crate::http::problem::Problem;
+use evaluation::suite::file::{BUILT_IN_SUITES, DEFAULT_SUITE, built_in};
 
 /// List the frozen suites of evaluations.
 #[utoipa::path(

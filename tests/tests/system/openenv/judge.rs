@@ -7,7 +7,7 @@ use api_types::Judge;
 use env_core::log::Precision;
 use env_core::{ActionLog, Recipe, Scenario, Seed};
 use llm::{LlmClient, LlmConfig, WallClock};
-use orchestrator::judging::{Judges, ModelJudge};
+use llm_policy::judging::{Judges, ModelJudge};
 use orchestrator::service::Config;
 use serde_json::{Value, json};
 use system_tests::mock_llm::{

@@ -5,7 +5,7 @@ use axum::extract::State;
 use store::ids::EvaluationId;
 
 use super::view::evaluation_summary;
-use crate::evaluation::cancel::CancelEvaluation;
+use crate::evaluations::cancel::CancelEvaluation;
 use crate::http::extract::{NoQuery, Path};
 use crate::http::path_ids::parse_id;
 use crate::http::problem::Problem;

@@ -5,7 +5,7 @@ use axum::extract::State;
 use store::ids::{EvaluationId, InvalidId};
 
 use crate::engine::error::ServiceError;
-use crate::evaluation::read::{
+use crate::evaluations::read::{
     LoadedEvaluation, MAX_SIDE_EVALUATIONS, SideComparison, compare_sides as compared, load_evaluation,
 };
 use crate::http::blocking::run_blocking;

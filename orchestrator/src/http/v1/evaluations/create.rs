@@ -5,7 +5,7 @@ use axum::extract::State;
 use axum::http::StatusCode;
 
 use super::view::evaluation_summary;
-use crate::evaluation::begin::BeginEvaluation;
+use crate::evaluations::begin::BeginEvaluation;
 use crate::http::extract::{Json, NoQuery};
 use crate::http::problem::Problem;
 use crate::http::state::AppState;

@@ -7,7 +7,7 @@ use store::ids::EvaluationId;
 
 use super::view::evaluation_summary;
 use crate::engine::error::ServiceError;
-use crate::evaluation::read::{load_evaluation, report_evaluation};
+use crate::evaluations::read::{load_evaluation, report_evaluation};
 use crate::http::blocking::run_blocking;
 use crate::http::extract::{NoQuery, Path};
 use crate::http::path_ids::parse_id;

@@ -7,14 +7,14 @@ use store::from_json;
 use store::ids::EvaluationId;
 
 use crate::engine::error::ServiceError;
-use crate::evaluation::read::suite_of;
-use crate::evaluation::results::EpisodeMeasures;
-use crate::evaluation::suite::{SuiteEntry, SuitePart};
+use crate::evaluations::read::suite_of;
 use crate::http::extract::{Path, Query};
 use crate::http::paging::{PageCursor, next_cursor, number_after, page_limit};
 use crate::http::path_ids::parse_id;
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
+use evaluation::results::EpisodeMeasures;
+use evaluation::suite::{SuiteEntry, SuitePart};
 
 /// List the scenarios of an evaluation with their results so far, in the order of the suite.
 #[utoipa::path(

@@ -5,9 +5,9 @@ use openenv_wire::{LocSegment, ValidationError};
 use serde_json::{Value, json};
 
 use crate::http::problem::{Problem, ProblemParts};
-use crate::input::{FieldError, KNOWN_FIELDS};
 use crate::limits::QuotaExceeded;
 use crate::sessions::{ResumeError, SessionError, SessionRequestError, VectorError};
+use strict_input::{FieldError, KNOWN_FIELDS};
 
 /// Error that is sent in response to a message. The session goes on unless it `ends_session`.
 #[derive(Debug)]

@@ -7,9 +7,9 @@ use serde_json::{Map, Value};
 use super::error_message::ErrorMessage;
 use super::{messages, session_request};
 use crate::http::state::AppState;
-use crate::input::{InputError, from_value, parse_json};
 use crate::sessions::vector::frame::FRAME_VERSION;
 use crate::sessions::{ClientIdentity, ResumableSession, ResumeError, SessionAttachment, SingleSession};
+use strict_input::{InputError, from_value, parse_json};
 
 /// Fields of an `open` message that a reset does not have.
 const OPEN_FIELDS: &str = "version, vector";

@@ -12,8 +12,8 @@ use store::ids::InvalidId;
 
 use super::error_message::ErrorMessage;
 use crate::http::openenv::{built_in_task, known_tasks, task_by_name};
-use crate::input::from_value;
 use crate::sessions::{EpisodeSource, MAX_NAME_CHARS, SessionRequest, VectorRequest};
+use strict_input::from_value;
 
 /// Task of a request that names none.
 const DEFAULT_TASK: &str = "kessler/survival";

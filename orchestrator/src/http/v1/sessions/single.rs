@@ -10,8 +10,8 @@ use super::error_message::ErrorMessage;
 use super::messages;
 use super::open::{ClientMessage, parse_message, unknown_type};
 use super::session_request;
-use crate::input::from_value;
 use crate::sessions::{LastReply, SingleSession};
+use strict_input::from_value;
 
 /// Largest id of a message: the largest integer that a double represents exactly in every language.
 const MAX_MESSAGE_ID: u64 = (1 << 53) - 1;

@@ -9,8 +9,8 @@ use super::error_message::ErrorMessage;
 use super::messages;
 use super::open::{ClientMessage, parse_message, unknown_type};
 use super::single::IdField;
-use crate::input::from_value;
 use crate::sessions::VectorSession;
+use strict_input::from_value;
 
 /// Answers one text message. Returns `Break` if the client closes the session.
 pub(super) async fn answer_text(

@@ -1,0 +1,178 @@
+//! Tests of accepted and rejected input, and of the error messages.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use super::*;
+
+#[derive(Debug, Default, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields, default)]
+struct Request {
+    count: Option<u32>,
+    share: f64,
+    name: String,
+    kind: Kind,
+    deep: Vec<Nested>,
+    by_name: BTreeMap<String, Nested>,
+    any: Value,
+    flag: bool,
+}
+
+#[derive(Debug, Default, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+struct Nested {
+    wanted: i64,
+}
+
+#[derive(Debug, Default, Deserialize, PartialEq)]
+#[serde(rename_all = "snake_case")]
+enum Kind {
+    #[default]
+    Plain,
+    Strange,
+}
+
+fn outcome(text: &str) -> String {
+    match parse_json(text.as_bytes()) {
+        Err(error) => error.to_string(),
+        Ok(value) => match from_value::<Request>(value) {
+            Err(error) => error.to_string(),
+            Ok(request) => format!("{request:?}"),
+        },
+    }
+}
+
+#[test]
+fn errors_name_the_field_in_plain_words() {
+    let outcomes = [
+        "null",
+        "[]",
+        "7",
+        "",
+        " \n",
+        "{",
+        "{} {}",
+        r#"{"count": -1}"#,
+        r#"{"count": 4294967296}"#,
+        r#"{"count": "many"}"#,
+        r#"{"count": "7"}"#,
+        r#"{"count": 1.5}"#,
+        r#"{"share": null}"#,
+        r#"{"share": []}"#,
+        r#"{"name": 1e300}"#,
+        r#"{"kind": "odd"}"#,
+        r#"{"kind": 3}"#,
+        r#"{"kind": {}}"#,
+        r#"{"kind": {"plain": null}}"#,
+        r#"{"flag": 1}"#,
+        r#"{"nmae": "x"}"#,
+        r#"{"deep": {"wanted": 1}}"#,
+        r#"{"deep": [{"wanted": 1}, [2]]}"#,
+        r#"{"deep": [{"wanted": 1}, {}]}"#,
+        r#"{"by_name": {"a.b": {"wanted": "x"}}}"#,
+        r#"{"by_name": {"a": {"wanted": 1, "more": 2}}}"#,
+        r#"{"count": 1, "count": 2}"#,
+        r#"{"any": [0, {"x": {"y": 1, "z": 2, "y": 3}}]}"#,
+    ]
+    .map(|text| format!("{text}\n    {}", outcome(text)));
+    insta::assert_snapshot!(outcomes.join("\n"));
+}
+
+#[test]
+fn valid_input_is_read_to_the_bit() {
+    let text = r#"{"count": 7, "share": 0.1, "name": "é", "kind": "strange", "deep": [{"wanted": -3}],
+        "by_name": {"a": {"wanted": 1}}, "any": {"x": [1, 2.5e-308, null, "s", true, 18446744073709551615]}, "flag": true}"#;
+    let strict = parse_json(text.as_bytes()).unwrap();
+    assert_eq!(strict, serde_json::from_str::<Value>(text).unwrap());
+    assert_eq!(from_value::<Request>(strict).unwrap(), serde_json::from_str::<Request>(text).unwrap());
+    assert_eq!(from_value::<Request>(json!({})).unwrap(), Request::default());
+}
+
+#[test]
+fn query_pairs_are_read_as_numbers_and_booleans() {
+    let of = |pairs: &[(&str, &str)]| {
+        let pairs = pairs.iter().map(|(name, word)| ((*name).to_owned(), (*word).to_owned())).collect();
+        from_query_pairs::<Request>(pairs).map_err(|error| error.to_string())
+    };
+    let request = of(&[("count", "7"), ("name", "12"), ("flag", "true"), ("kind", "strange")]).unwrap();
+    assert_eq!(
+        (request.count, &*request.name, request.flag, request.kind),
+        (Some(7), "12", true, Kind::Strange)
+    );
+    let errors = [
+        &[("count", "many")][..],
+        &[("count", "")],
+        &[("count", "-1")],
+        &[("count", "1"), ("count", "2")],
+        &[("limit", "1")],
+        &[("kind", "odd")],
+    ]
+    .map(|pairs| of(pairs).unwrap_err());
+    insta::assert_snapshot!(errors.join("\n"));
+}
+
+mod packed {
+    use proptest::prelude::*;
+    use serde_json::{Value, json};
+
+    use crate::{InputError, parse_json, parse_messagepack};
+
+    fn any_json() -> impl Strategy<Value = Value> {
+        let leaf = prop_oneof![
+            Just(Value::Null),
+            any::<bool>().prop_map(Value::from),
+            any::<i64>().prop_map(Value::from),
+            any::<u64>().prop_map(Value::from),
+            (-1e300..1e300f64).prop_map(Value::from),
+            ".{0,12}".prop_map(Value::from),
+        ];
+        leaf.prop_recursive(4, 40, 6, |inner| {
+            prop_oneof![
+                proptest::collection::vec(inner.clone(), 0..6).prop_map(Value::from),
+                proptest::collection::btree_map(".{0,6}", inner, 0..6)
+                    .prop_map(|fields| fields.into_iter().collect::<Value>()),
+            ]
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn json_and_messagepack_give_the_same_value(body in any_json()) {
+            let bytes = rmp_serde::to_vec_named(&body).unwrap();
+            prop_assert_eq!(parse_messagepack(&bytes).unwrap(), body.clone());
+            prop_assert_eq!(parse_json(body.to_string().as_bytes()).unwrap(), body);
+        }
+
+        #[test]
+        fn arbitrary_bytes_never_panic(bytes: Vec<u8>) {
+            let _ = parse_messagepack(&bytes);
+        }
+    }
+
+    #[test]
+    fn oversized_deep_or_trailing_input_is_rejected() {
+        let too_many = [vec![0xdd, 0, 0x50, 0, 0], vec![0xc0; 0x50_0000]].concat();
+        let too_deep = [vec![0x91; 100_000], vec![0xc0]].concat();
+        let trailing = vec![0xc0, 0xc0];
+        let overstated_length = vec![0xdd, 0xff, 0xff, 0xff, 0xff, 0xc0];
+        let duplicate_key = [&[0x82, 0xa1, b'a', 1, 0xa1, b'a', 2][..]].concat();
+        for bytes in [
+            too_many,
+            too_deep,
+            trailing,
+            overstated_length,
+            vec![0xc4, 1, 0],
+            vec![0x81, 1, 2],
+            vec![0xcb, 0x7f, 0xf8, 0, 0, 0, 0, 0, 0],
+        ] {
+            assert!(matches!(parse_messagepack(&bytes), Err(InputError::Malformed(_))));
+        }
+        assert!(matches!(parse_messagepack(&duplicate_key), Err(InputError::DuplicateKey(_))));
+        let text = format!("[{}0]", "0,".repeat(5_000_000));
+        let outcome = parse_json(text.as_bytes()).unwrap_err().to_string();
+        assert!(outcome.contains("more than 4000000 values"), "{outcome}");
+        assert_eq!(parse_json(b"[[1]]").unwrap(), json!([[1]]));
+    }
+}
