@@ -3,7 +3,7 @@
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use cli::bench::stepped_batch::SteppedBatch;
+use commands::bench::stepped_batch::SteppedBatch;
 
 use crate::Row;
 use crate::baseline_kernel::BaselineKernel;

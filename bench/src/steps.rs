@@ -8,7 +8,7 @@ const GOAL: f64 = 50.0;
 
 pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
     let row = |world| {
-        let measured = cli::bench::measure(world, &[], Default::default(), SECONDS)?;
+        let measured = commands::bench::measure(world, &[], Default::default(), SECONDS)?;
         let per_s = measured.python_env_us_per_step.map(|us| 1e6 / us);
         Ok(Row {
             label: format!("steps with observations and resets, one thread: {}", measured.description),

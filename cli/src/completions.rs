@@ -4,7 +4,9 @@ use std::process::ExitCode;
 
 use clap_complete::Shell;
 
-use super::{config, output};
+use commands::output;
+
+use super::config;
 
 /// Print a completion script for a shell.
 #[derive(Debug, clap::Args)]

@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use anyhow::{Context, bail};
 use api_types::Judge;
+use clock::Clock;
 use llm::{LlmClient, LlmConfig};
 use llm_policy::judging::{Judges, ModelJudge, parse_judge};
-use orchestrator::clock::Clock;
 
-use super::llm_args::{self, LlmArgs};
+use commands::llm_args::{self, LlmArgs};
 
 /// Environment variable of the public kessler-env for the endpoint of its judge.
 const UPSTREAM_URL: &str = "API_BASE_URL";

@@ -7,40 +7,23 @@
 //! Results go to stdout; logs, progress and error messages go to stderr. Exit codes: 0 success, 1 a failed check, 2 bad input
 //! or another error.
 
-pub mod agreement;
-mod api;
-pub mod bench;
 pub mod bind_args;
 pub mod completions;
 pub mod config;
-pub mod critique;
+mod connection;
 pub mod db;
 pub mod demo;
-pub mod design;
-pub mod eval;
-mod interrupt;
 pub mod judge;
-pub mod llm_args;
-mod logs;
 pub mod man;
-mod names;
-pub mod options;
-mod output;
-pub mod play;
-mod plot;
 pub mod policy;
-pub mod replay;
 pub mod report;
 pub mod runs;
 pub mod serve;
-pub mod simulate;
 pub mod status;
-pub mod suite;
 pub mod tail;
 #[cfg(test)]
 mod tests;
 pub mod token;
-mod worlds;
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -48,9 +31,11 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+use commands::logs::LogArgs;
+use commands::output::OutputTarget;
+use commands::{agreement, bench, critique, design, eval, interrupt, play, replay, simulate, suite};
+
 use self::config::ConfigFile;
-use self::logs::LogArgs;
-use self::output::OutputTarget;
 
 /// Exit code of bad input or another error; a failed check has exit code 1.
 const ERROR_EXIT_CODE: u8 = 2;

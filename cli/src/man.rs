@@ -5,7 +5,9 @@ use std::process::ExitCode;
 
 use anyhow::Context;
 
-use super::{config, output};
+use commands::output;
+
+use super::config;
 
 /// Print the manual page, or write those of all subcommands to a folder.
 #[derive(Debug, clap::Args)]

@@ -6,8 +6,8 @@ use std::env::VarError;
 use anyhow::{Context, bail};
 use llm::{LlmClient, LlmConfig};
 
-use super::llm_args::{self, LlmArgs};
-use orchestrator::clock::Clock;
+use clock::Clock;
+use commands::llm_args::{self, LlmArgs};
 use orchestrator::rollouts::Endpoint;
 
 /// Largest response in bytes if token details are requested: each token comes with its text and log-probability.

@@ -4,16 +4,23 @@ use std::net::{Ipv4Addr, Ipv6Addr};
 use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::Duration;
 
-use super::bind_args::BindArgs;
-use super::judge::JudgeArgs;
-use super::llm_args::LlmArgs;
-use super::policy::PolicyArgs;
-use orchestrator::clock::Clock;
+use anyhow::Context;
+use clock::Clock;
+use commands::interrupt::StopSignal;
+use commands::llm_args::LlmArgs;
+use commands::output;
+use llm::LlmClient;
+use orchestrator::designs::{BuiltInDesigners, Designers, DesignersWithModel};
 use orchestrator::limits::ClientLimits;
 use orchestrator::service::{Config, Service};
 use orchestrator::sessions::SessionLimits;
+
+use super::bind_args::BindArgs;
+use super::judge::JudgeArgs;
+use super::policy::PolicyArgs;
 
 /// Serve the curriculum over HTTP: trainers lease scenarios, run them and report the actions.
 #[derive(Debug, clap::Args)]
@@ -107,7 +114,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     let served = runtime.block_on(async {
         let clock = Clock::system();
-        let designers = args.llm.designers(&clock)?;
+        let designers = designers(&args.llm, &clock)?;
         let judges = args.judge.judges(&args.llm, &clock)?;
         let endpoint = args.policy.endpoint(&args.llm, &clock)?;
         let idle_timeout = (args.session_idle > 0).then(|| Duration::from_secs(args.session_idle.into()));
@@ -127,7 +134,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         // A program that reads the URL may stop the server at once.
         let mut stop = StopSignal::install()?;
         // Programs that start a server read the first line to learn its port.
-        super::output::print(&url_lines(&service, args.openenv_public))?;
+        output::print(&url_lines(&service, args.openenv_public))?;
         tracing::info!(db = %db.display(), url = %service.url(), "The server started; Ctrl-C stops it.");
         tokio::select! {
             signal = stop.received() => signal?,
@@ -142,6 +149,17 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     // Scenarios in preparation are dropped; the next start prepares them again.
     runtime.shutdown_background();
     served
+}
+
+/// Creates the designers of a service, with a language model if one is configured.
+///
+/// # Errors
+/// Returns an error if the settings of the endpoint are invalid.
+pub(super) fn designers(llm: &LlmArgs, clock: &Clock) -> anyhow::Result<Arc<dyn Designers>> {
+    Ok(match llm.config(clock)? {
+        Some(config) => Arc::new(DesignersWithModel(LlmClient::new(config).context("--llm")?)),
+        None => Arc::new(BuiltInDesigners),
+    })
 }
 
 /// Returns the line with the server's URL, and the URLs that people open.
@@ -174,49 +192,4 @@ async fn stdin_ends() {
         let _ = done.send(());
     });
     let _ = ended.await; // an error means that the thread is gone, which counts as the end too
-}
-
-/// Ctrl-C and SIGTERM, which ask the process to stop.
-#[derive(Debug)]
-pub(super) struct StopSignal {
-    #[cfg(unix)]
-    interrupt: tokio::signal::unix::Signal,
-    #[cfg(unix)]
-    terminate: tokio::signal::unix::Signal,
-}
-
-impl StopSignal {
-    /// Installs the handlers: from now on the signals do not end the process.
-    ///
-    /// # Errors
-    /// Returns an error if the handlers cannot be installed.
-    pub(super) fn install() -> std::io::Result<Self> {
-        #[cfg(unix)]
-        {
-            use tokio::signal::unix::{SignalKind, signal};
-            Ok(Self {
-                interrupt: signal(SignalKind::interrupt())?,
-                terminate: signal(SignalKind::terminate())?,
-            })
-        }
-        #[cfg(not(unix))]
-        Ok(Self {})
-    }
-
-    /// Waits for a signal.
-    ///
-    /// # Errors
-    /// Returns an error if signals cannot be received.
-    pub(super) async fn received(&mut self) -> std::io::Result<()> {
-        #[cfg(unix)]
-        {
-            tokio::select! {
-                _ = self.interrupt.recv() => {}
-                _ = self.terminate.recv() => {}
-            }
-            Ok(())
-        }
-        #[cfg(not(unix))]
-        tokio::signal::ctrl_c().await
-    }
 }

@@ -5,9 +5,10 @@ use std::process::ExitCode;
 use api_types::{RunOverview, RunSummary};
 use serde::Serialize;
 
-use super::api::{ApiClient, Connection, ServerArgs, find_run, list_runs};
-use super::output::{self, Column, JsonFlag, Report, TextTable};
 use super::runs::RunDetails;
+use crate::connection::{Connection, ServerArgs};
+use commands::api::{ApiClient, find_run, list_runs};
+use commands::output::{self, Column, JsonFlag, Report, TextTable};
 
 /// Largest number of runs that are shown.
 const MAX_RUNS: usize = 20;

@@ -4,8 +4,9 @@ use std::process::ExitCode;
 
 use serde_json::Value;
 
-use super::api::{Connection, EventStream, ServerArgs, StreamedEvent, find_run};
-use super::output;
+use crate::connection::{Connection, ServerArgs};
+use commands::api::{EventStream, StreamedEvent, find_run};
+use commands::output;
 
 /// Print the events of a run as they happen, until Ctrl-C.
 #[derive(Debug, clap::Args)]

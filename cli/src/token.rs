@@ -14,8 +14,8 @@ use store::tokens::{self, NewToken, TokenRow};
 use store::{DatabaseLock, OpenError, transactions};
 
 use super::db::{DatabaseArgs, open_readers};
-use super::output::{self, Column, JsonFlag, OutputTarget, TextTable};
-use orchestrator::clock::{Clock, Millis, rfc3339};
+use clock::{Clock, Millis, rfc3339};
+use commands::output::{self, Column, JsonFlag, OutputTarget, TextTable};
 use orchestrator::tokens::Token;
 
 /// Create, list and revoke the access tokens of a server.

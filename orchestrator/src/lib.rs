@@ -13,7 +13,6 @@
 //! statistics in `evaluation`, chat policy and judges in `llm-policy`, and the command line in `cli`.
 
 mod api_enums;
-pub mod clock;
 pub mod critiques;
 pub mod designs;
 pub mod engine;

@@ -72,15 +72,13 @@ pub mod transactions;
 pub mod write_probe;
 
 pub use backup::copy;
+pub use clock::Millis;
 pub use error::{Outage, StoreError};
 pub use lock::DatabaseLock;
 pub use open::{checkpoint, open_current_readers, open_maintenance, open_readers, open_writer, vacuum};
 pub use open_error::OpenError;
 pub use text_enum::UnknownWord;
 pub(crate) use text_enum::text_enum;
-
-/// Milliseconds since 1970-01-01 UTC, or a duration in milliseconds.
-pub type Millis = i64;
 
 /// Rows that one statement writes at most. Each statement is a round trip between two threads, and each number of rows is a
 /// statement to prepare.

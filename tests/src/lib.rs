@@ -12,9 +12,9 @@ mod websocket;
 
 use std::path::PathBuf;
 
+use clock::Clock;
 use env_core::rollout::{Rollout, roll_out};
 use env_core::{ActionLog, EpisodeOutcome, Recipe, Scenario, Seed};
-use orchestrator::clock::Clock;
 use orchestrator::service::{Config, Service};
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};

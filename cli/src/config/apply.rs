@@ -5,7 +5,7 @@ use clap::{Arg, ArgAction, Command};
 use toml::{Table, Value};
 
 use super::ConfigFile;
-use crate::names::suggest;
+use commands::names::suggest;
 
 /// Returns the definition with the file's values as defaults.
 ///

@@ -9,8 +9,8 @@ use toml::{Table, Value};
 
 use super::apply::{find_value, scalar};
 use super::{ConfigFile, definition, environment};
-use crate::names::suggest;
-use crate::output::{self, Column, JsonFlag, Report, TextTable};
+use commands::names::suggest;
+use commands::output::{self, Column, JsonFlag, Report, TextTable};
 
 /// Show the settings of a subcommand, or those of all subcommands that are not at their defaults.
 #[derive(Debug, clap::Args)]

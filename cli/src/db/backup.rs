@@ -5,8 +5,8 @@ use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 
-use super::super::output;
 use super::{format_bytes, open_readers};
+use commands::output;
 
 /// Copy a database to a new file, also while a server uses it.
 #[derive(Debug, clap::Args)]

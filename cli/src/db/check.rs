@@ -12,8 +12,8 @@ use store::keys::EpisodeKey;
 use store::scenarios::ScenarioLoader;
 use store::{OpenError, compacted_leases, groups, leases};
 
-use super::super::output;
 use super::open_readers;
+use commands::output;
 use orchestrator::engine::run_state::RunState;
 
 /// Check that a database is intact and consistent.

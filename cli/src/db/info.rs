@@ -6,9 +6,9 @@ use std::process::ExitCode;
 use serde::Serialize;
 use store::integrity::{self, DatabaseSize, RunSize};
 
-use super::super::output::{self, Column, JsonFlag, Report, TextTable};
 use super::{format_bytes, open_readers};
-use orchestrator::clock::rfc3339;
+use clock::rfc3339;
+use commands::output::{self, Column, JsonFlag, Report, TextTable};
 
 /// Show the size of a database by table, and the contents of each run.
 #[derive(Debug, clap::Args)]

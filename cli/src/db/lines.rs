@@ -5,8 +5,8 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use store::layouts::{LayoutKind, LayoutState, RetirementReason};
 
+use clock::rfc3339;
 use env_core::frames::wire_step;
-use orchestrator::clock::rfc3339;
 use store::columns::ClaimState;
 use store::compacted_leases::{CompactedClaim, CompactedEpisode, CompactedGroup, CompactedLease};
 use store::curriculum::{LevelMoveKind, LevelMoveRow};

@@ -5,8 +5,8 @@ use std::process::ExitCode;
 
 use store::DatabaseLock;
 
-use super::super::output;
 use super::{format_bytes, open_readers};
+use commands::output;
 
 /// Return free pages of the database file to the file system.
 ///

@@ -5,8 +5,8 @@ use std::ops::Range;
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 use plotters::prelude::*;
 
-use crate::plot::{DrawResult, SvgArea};
-use orchestrator::clock::{Millis, rfc3339};
+use clock::{Millis, rfc3339};
+use commands::plot::{DrawResult, SvgArea};
 
 const SIZE: (u32, u32) = (560, 210);
 const INK: RGBColor = RGBColor(60, 60, 60);

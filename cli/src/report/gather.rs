@@ -8,7 +8,7 @@ use env_core::TaskSpec;
 use sqlx::{Acquire, SqliteConnection};
 
 use ::curriculum::{Explanation, Mastery, TaskStatus};
-use orchestrator::clock::Millis;
+use clock::Millis;
 use orchestrator::engine::task_history::mastery_samples;
 use orchestrator::evaluations::read;
 use orchestrator::queries::current_mastery::update_last_points;

@@ -14,8 +14,8 @@ use anyhow::Context;
 use store::ids::RunId;
 
 use super::db::{DatabaseArgs, open_readers};
-use super::output;
-use orchestrator::clock::Clock;
+use clock::Clock;
+use commands::output;
 
 /// Write the report of a run as one self-contained HTML file.
 ///

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use api_types::Estimate;
+use clock::{Millis, rfc3339};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
-use orchestrator::clock::{Millis, rfc3339};
 use serde_json::Value;
 use store::curriculum::LevelMoveKind;
 use store::from_json;

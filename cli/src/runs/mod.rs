@@ -13,7 +13,7 @@ pub(crate) use self::list::status_name;
 pub(crate) use self::show::RunDetails;
 use clap::Subcommand;
 
-use super::api::{Connection, ServerArgs};
+use crate::connection::{Connection, ServerArgs};
 
 /// List, show, create, tag, pause, resume, archive or delete runs.
 #[derive(Debug, clap::Args)]

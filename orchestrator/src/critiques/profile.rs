@@ -9,7 +9,7 @@ use store::critiques::{CritiqueCounters, DecayingSum};
 use store::failure_sectors::InertialSectorRow;
 use store::failures::{CellCounters, CellKey, EncounterBin};
 
-use crate::clock::Millis;
+use clock::Millis;
 
 /// Criticised episodes of a task after which a failure weighs half.
 pub const HALF_LIFE: f64 = 2000.0;

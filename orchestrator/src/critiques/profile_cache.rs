@@ -9,9 +9,9 @@ use store::failure_sectors::{self, InertialSectorRow};
 use store::failures::{self, CellCounters, CellKey, EXAMPLES_PER_CELL, FailureExample};
 use store::keys::EpisodeKey;
 
-use crate::clock::Millis;
 use crate::critiques::critique_result::CritiqueResult;
 use crate::critiques::profile::{self, FailureFinding};
+use clock::Millis;
 
 /// The failure profile of a run's task, as it is stored.
 #[derive(Debug, Default)]

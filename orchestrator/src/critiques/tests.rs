@@ -12,7 +12,6 @@ use store::failure_sectors::{self, InertialSectorRow};
 use store::failures::{self, CellCounters, CellKey, EncounterBin, FailureCursor, FailureFilter};
 use store::leases::{self, LeaseForm, LeaseRow, LeaseStatus, Purpose};
 
-use crate::clock::Clock;
 use crate::critiques::criticise::criticise;
 use crate::critiques::critique_input::{CritiqueEpisode, CritiqueInput, SelectedEpisode};
 use crate::critiques::critique_result::CritiqueResult;
@@ -25,6 +24,7 @@ use crate::engine::write_tx::WriteTx;
 use crate::engine::writer::Writer;
 use crate::leases::seeds::seed_of;
 use crate::runs::create_run::CreateRun;
+use clock::Clock;
 
 const RUN: &str = "run";
 const TASK: &str = "kessler/survival";

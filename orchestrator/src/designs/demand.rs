@@ -1,7 +1,7 @@
 //! Decides when a designer is asked: when the reserve of layouts runs low, or when the failure profile has changed.
 
-use crate::clock::Millis;
 use crate::designs::DesignerKind;
+use clock::Millis;
 
 /// Number of criticised episodes below which nothing is designed.
 pub const MIN_CRITICISED: i64 = 32;

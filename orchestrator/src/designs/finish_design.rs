@@ -14,12 +14,12 @@ use store::layout_transitions::{self, LayoutTransition};
 use store::layouts::{self, LayoutKind, LayoutState, NewLayout};
 use store::{StoreError, brackets, scenarios, to_i64};
 
-use crate::clock::Millis;
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::write_tx::WriteTx;
 use crate::metrics;
+use clock::Millis;
 
 /// Maximum number of admitted, and of refused, layouts of a request that are stored; all are counted.
 const MAX_STORED_LAYOUTS: usize = 64;

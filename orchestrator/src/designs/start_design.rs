@@ -12,7 +12,6 @@ use store::design_requests::{
 };
 use store::{StoreError, design_counters, design_queue, from_json, to_json, to_u32};
 
-use crate::clock::Millis;
 use crate::designs::DesignerKind;
 use crate::designs::demand::{self, DesignDemand, LastDesignRequest};
 use crate::designs::profile::CollectedProfile;
@@ -22,6 +21,7 @@ use crate::engine::error::ServiceError;
 use crate::engine::run_state::RunState;
 use crate::engine::run_tx::RunTx;
 use crate::engine::write_tx::WriteTx;
+use clock::Millis;
 use curriculum::TaskPlan;
 
 /// Number of finished requests of a run's task that are considered.

@@ -8,11 +8,11 @@ use store::groups::{GroupRole, GroupRow, GroupState};
 use store::leases::{LeaseForm, LeaseRow, Purpose};
 use store::to_json;
 
-use crate::clock::Millis;
 use crate::engine::error::ServiceError;
 use crate::engine::outbox::Outbox;
 use crate::engine::run_state::move_kind;
 use crate::metrics::{self, LeaseEvent};
+use clock::Millis;
 use curriculum::LevelMove;
 
 /// An event of a run; its fields are the body that listeners receive.

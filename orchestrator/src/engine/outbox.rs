@@ -8,10 +8,10 @@ use store::curriculum::{self, NewCurriculumEvent};
 use store::events::{self, NewEvent};
 use store::history::HistoryBucket;
 
-use crate::clock::Millis;
 use crate::engine::run_cache::RunCache;
 use crate::engine::signals::{Signal, WorkerSignals};
 use crate::engine::task_history::{HistoryWriter, TaskCounts};
+use clock::Millis;
 
 /// Events of a run between two trims of its ring of kept events.
 const TRIM_EVERY: u32 = 1_000;

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use sqlx::SqliteConnection;
 
-use crate::clock::Millis;
 use crate::critiques::profile_cache::ProfileCache;
 use crate::engine::error::ServiceError;
 use crate::metrics;
@@ -13,6 +12,7 @@ use ::curriculum::{
     Curriculum, CurriculumEvent, GroupOutcome, LevelMove, MoveKind, ObservedOutcome, ProposalRole,
     SequencedProposal, Settings, Snapshot,
 };
+use clock::Millis;
 use store::curriculum::{self, CurriculumRecord, LevelMoveKind, LevelMoveRow, NewCurriculumEvent};
 use store::groups::GroupRole;
 use store::proposals::{self, NewProposal};

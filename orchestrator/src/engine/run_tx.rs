@@ -3,11 +3,11 @@
 use sqlx::SqliteConnection;
 use store::history::HistoryBucket;
 
-use crate::clock::Millis;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::outbox::Outbox;
 use crate::engine::run_state::RunState;
+use clock::Millis;
 
 /// One run inside a write transaction: its state, the connection and the outbox, borrowed at the same time.
 #[derive(Debug)]

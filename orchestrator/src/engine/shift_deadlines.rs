@@ -2,10 +2,10 @@
 
 use store::deadlines;
 
-use crate::clock::Clock;
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
+use clock::Clock;
 
 /// Shifts every stored deadline by the jump of the system clock, and makes the service's clock follow the system clock again.
 #[derive(Debug)]

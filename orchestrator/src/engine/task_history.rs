@@ -6,8 +6,8 @@ use sqlx::SqliteConnection;
 use store::StoreError;
 use store::history::{self, HistoryBucket, MasterySample};
 
-use crate::clock::Millis;
 use crate::engine::run_state::RunState;
+use clock::Millis;
 use curriculum::{Mastery, TaskStatus};
 
 /// Interval between two samples of the mastery of a run's tasks, in milliseconds. Quantiles are slow to compute, and a busy run

@@ -24,9 +24,9 @@ impl Change for WriteProbe {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::clock::Clock;
     use crate::engine::signals::WorkerSignals;
     use crate::engine::writer::Writer;
+    use clock::Clock;
     use store::Outage;
 
     /// Writes a blob of this many bytes.

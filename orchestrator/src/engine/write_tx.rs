@@ -6,13 +6,13 @@ use sqlx::SqliteConnection;
 use store::history::HistoryBucket;
 use store::{DatabaseLock, Outage, StoreError};
 
-use crate::clock::Millis;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::outbox::Outbox;
 use crate::engine::run_cache::RunCache;
 use crate::engine::run_state::RunState;
 use crate::engine::run_tx::RunTx;
+use clock::Millis;
 
 /// A write transaction: the connection, the runs in memory and the effects that are left to the end of the transaction.
 ///

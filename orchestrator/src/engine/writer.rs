@@ -17,12 +17,12 @@ use tokio::runtime::Handle;
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 
-use crate::clock::Clock;
 use crate::engine::change::{Change, ReadTx, StateQuery};
 use crate::engine::error::ServiceError;
 use crate::engine::signals::WorkerSignals;
 use crate::engine::write_tx::WriteTx;
 use crate::metrics;
+use clock::Clock;
 
 /// Capacity of each queue of waiting work.
 const QUEUE_CAPACITY: usize = 1024;

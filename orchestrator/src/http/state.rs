@@ -8,13 +8,13 @@ use tokio::sync::watch;
 
 use super::openenv::EpisodeBoards;
 use super::readiness::ReadinessProbe;
-use crate::clock::Clock;
 use crate::designs::Designers;
 use crate::engine::writer::Writer;
 use crate::leases::lease_service::LeaseService;
 use crate::limits::{BodyLimit, ClientLimits, ConcurrencyLimits, LongPollLimit, Quota};
 use crate::rollouts::Endpoint;
 use crate::sessions::SessionManager;
+use clock::Clock;
 use llm_policy::judging::Judges;
 
 /// State of the server that every request handler receives. Clones share it.

@@ -6,12 +6,12 @@ use std::sync::Arc;
 
 use store::{OpenError, StoreError};
 
-use crate::clock::Clock;
 use crate::designs::{BuiltInDesigners, Designers};
 use crate::limits::ClientLimits;
 use crate::rollouts::Endpoint;
 use crate::sessions::SessionLimits;
 use crate::tokens::Token;
+use clock::Clock;
 use llm_policy::judging::Judges;
 
 /// Configuration of the service.

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::clock::Clock;
+use clock::Clock;
 use crate::engine::shift_deadlines::ShiftDeadlines;
 use crate::engine::writer::Writer;
 use crate::workers::round_error::ends_worker;

@@ -8,8 +8,8 @@ use sqlx::SqlitePool;
 use store::StoreError;
 use store::tokens::{self, TokenState};
 
-use crate::clock::Clock;
 use crate::sessions::{Credential, SessionManager};
+use clock::Clock;
 
 /// Interval between two checks.
 const POLL_INTERVAL: Duration = Duration::from_secs(1);

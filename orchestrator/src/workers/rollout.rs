@@ -17,7 +17,6 @@ use tokio::task::{Id, JoinError, JoinSet};
 
 use self::backoff::RunBackoff;
 use self::group_rollout::GroupRolloutStatus;
-use crate::clock::{Clock, Millis};
 use crate::engine::error::ServiceError;
 use crate::leases::lease_service::LeaseService;
 use crate::rollouts::Endpoint;
@@ -27,6 +26,7 @@ use crate::rollouts::settings::SetPolicyError;
 use crate::rollouts::settings::settings_from_row;
 use crate::runs::settings::RunSettings;
 use crate::workers::round_error::ends_worker;
+use clock::{Clock, Millis};
 
 /// Interval between two checks whether a group may start, if no signal arrives.
 const POLL_INTERVAL: Duration = Duration::from_secs(1);

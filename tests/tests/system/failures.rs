@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::Ordering;
 
+use clock::{Clock, ManualClock};
 use env_core::critique::{Critique, bearing_sector};
 use env_core::{ActionLog, Scenario};
-use orchestrator::clock::{Clock, ManualClock};
 use serde_json::{Value, json};
 use sqlx::Connection;
 use sqlx::sqlite::SqliteConnectOptions;

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::Ordering;
 
-use orchestrator::clock::{Clock, ManualClock};
+use clock::{Clock, ManualClock};
 use serde_json::{Value, json};
 use system_tests::{ApiClient, Server, episode_result, wait_for};
 

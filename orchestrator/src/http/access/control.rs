@@ -14,7 +14,6 @@ use super::super::problem::Problem;
 use super::Caller;
 use super::loopback::check_loopback;
 use super::permissions::{Operation, Permission};
-use crate::clock::{Clock, Millis};
 use crate::engine::access_log::TouchToken;
 use crate::engine::writer::Writer;
 use crate::limits::constants::{
@@ -23,6 +22,7 @@ use crate::limits::constants::{
 use crate::limits::{ClientLimits, RateLimit};
 use crate::sessions::ClientIdentity;
 use crate::tokens::Token;
+use clock::{Clock, Millis};
 
 /// Time for which a token is cached. A revoked token may be used for so long.
 const TOKEN_CACHE_TTL: Duration = Duration::from_secs(5);

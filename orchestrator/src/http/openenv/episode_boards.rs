@@ -8,10 +8,10 @@ use serde_json::{Value, json};
 use tokio::sync::watch;
 
 use super::step_response;
-use crate::clock::rfc3339;
 use crate::limits::constants::{MAX_VIEWERS, MAX_VIEWERS_PER_CLIENT};
 use crate::limits::{Quota, QuotaExceeded, QuotaPermit};
 use crate::sessions::{Session, SessionKey};
+use clock::rfc3339;
 
 /// Maximum number of steps that a board shows of an episode.
 const MAX_LOGGED_STEPS: usize = 200;

@@ -4,11 +4,11 @@ use api_types::{AuditLogEntry, AuditLogPage, AuditLogQuery};
 use axum::extract::State;
 use store::audit_log::{self, AuditRing, AuditRow};
 
-use crate::clock::rfc3339;
 use crate::http::extract::Query;
 use crate::http::paging::{PageCursor, next_cursor, number_before, page_limit};
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
+use clock::rfc3339;
 
 /// List the entries of the audit log, newest first.
 ///

@@ -7,7 +7,6 @@ use serde::Deserialize;
 use store::ids::{EpisodeId, LeaseId};
 use store::leases::LeaseRow;
 
-use crate::clock::rfc3339;
 use crate::engine::error::ServiceError;
 use crate::http::blocking::run_blocking;
 use crate::http::extract::{EncodedBody, NoQuery, Path};
@@ -20,6 +19,7 @@ use crate::leases::find::find_lease;
 use crate::results::columns::claim as column_claims;
 use crate::results::columns::status::{self, ClaimStatus};
 use crate::results::columns::table::Columns;
+use clock::rfc3339;
 
 /// Body of a claim, which may have packed columns. Its JSON is that of [`ColumnsRequest`].
 #[derive(Debug, Deserialize)]

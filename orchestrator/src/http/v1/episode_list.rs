@@ -9,13 +9,13 @@ use store::ids::{EpisodeId, LayoutId, LeaseId};
 use store::keys::EpisodeKey;
 use store::listed_episodes::{self, EpisodeGroup, ListedEpisode};
 
-use crate::clock::rfc3339;
 use crate::http::extract::{Path, Query};
 use crate::http::paging::{PageCursor, next_cursor, page_limit};
 use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
+use clock::rfc3339;
 
 /// Converts an episode that is kept complete; `unreported` is its state if it was not reported.
 pub(super) fn episode_summary(

@@ -17,7 +17,6 @@ use store::ids::RunId;
 use store::{StoreError, from_json};
 use tokio::sync::watch;
 
-use crate::clock::{Clock, rfc3339};
 use crate::http::access::Caller;
 use crate::http::extract::{Path, Query};
 use crate::http::path_ids::parse_run_id;
@@ -26,6 +25,7 @@ use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::limits::QuotaPermit;
 use crate::sessions::CloseSignal;
+use clock::{Clock, rfc3339};
 
 /// Number of events that are read at once.
 const EVENT_BATCH: i64 = 256;

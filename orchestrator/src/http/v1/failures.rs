@@ -15,7 +15,6 @@ use store::failures::{self, CellEpisode, EXAMPLES_PER_CELL};
 use store::ids::{EpisodeId, LeaseId, RunId};
 
 use super::episode_critique::action_verdict;
-use crate::clock::rfc3339;
 use crate::critiques::profile::{HALF_LIFE, VERDICTS, total_weight};
 use crate::critiques::sampling;
 use crate::designs::profile::{CollectedProfile, WeightedCell};
@@ -24,6 +23,7 @@ use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::run_reader::find_run_tasks;
 use crate::http::state::AppState;
+use clock::rfc3339;
 
 /// Backlog of the critique with this number of waiting episodes.
 fn backlog(waiting: i64) -> CritiqueBacklog {

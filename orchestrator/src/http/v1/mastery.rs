@@ -15,7 +15,6 @@ use store::progress::{self, TaskSpan};
 use store::task_counters::TaskCounters;
 use store::{curriculum, from_json};
 
-use crate::clock::rfc3339;
 use crate::http::extract::{NoQuery, Path, Query};
 use crate::http::paging::{PageCursor, next_cursor, number_after, page_limit};
 use crate::http::path_ids::parse_run_id;
@@ -23,6 +22,7 @@ use crate::http::problem::Problem;
 use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::queries::run_progress::{RunProgress, RunProgressQuery};
+use clock::rfc3339;
 
 /// Largest number of parts of a task's evidence.
 const EVIDENCE_POINTS: usize = 100;

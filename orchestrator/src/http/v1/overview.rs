@@ -6,7 +6,6 @@ use axum::extract::State;
 use store::history::{self, HistoryPoint, HistoryWindow, MINUTE};
 use store::{events, overview, runs};
 
-use crate::clock::rfc3339;
 use crate::engine::error::ServiceError;
 use crate::http::extract::{NoQuery, Path};
 use crate::http::path_ids::parse_run_id;
@@ -14,6 +13,7 @@ use crate::http::problem::Problem;
 use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::queries::task_levels::{TaskLevel, TaskLevelsQuery};
+use clock::rfc3339;
 
 /// Number of parts of the skill series.
 const SKILL_POINTS: i64 = 60;

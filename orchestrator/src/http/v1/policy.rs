@@ -6,7 +6,6 @@ use store::ids::RunId;
 use store::run_policies::{self, RunPolicy, TokenCounts};
 use store::trajectories;
 
-use crate::clock::rfc3339;
 use crate::http::extract::{Json, NoQuery, Path};
 use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
@@ -14,6 +13,7 @@ use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::rollouts::feed::MAX_UNACKED_BYTES;
 use crate::rollouts::settings::{SetPolicy, settings_from_row};
+use clock::rfc3339;
 
 /// Get the policy of a run with its settings and progress.
 #[utoipa::path(

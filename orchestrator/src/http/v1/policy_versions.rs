@@ -7,7 +7,6 @@ use axum::extract::State;
 use store::policy_versions::{self, PolicyVersionRow, VersionResult};
 use store::runs;
 
-use crate::clock::rfc3339;
 use crate::http::extract::{Json, NoQuery, Path, Query};
 use crate::http::paging::{PageCursor, next_cursor, number_before, page_limit};
 use crate::http::path_ids::parse_run_id;
@@ -15,6 +14,7 @@ use crate::http::problem::Problem;
 use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::runs::policy_version::DescribePolicyVersion;
+use clock::rfc3339;
 
 fn version_results(sums: VersionResult) -> PolicyVersionResults {
     let VersionResult { task, episodes, successes, score_sum: score, first_at, last_at, .. } = sums;

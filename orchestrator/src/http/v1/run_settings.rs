@@ -5,13 +5,13 @@ use axum::extract::State;
 use store::from_json;
 use store::runs::{self, SettingsRow};
 
-use crate::clock::rfc3339;
 use crate::http::extract::{Path, Query};
 use crate::http::paging::{PageCursor, next_cursor, number_before, page_limit};
 use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
+use clock::rfc3339;
 
 /// List the settings of a run and their earlier versions, newest first.
 #[utoipa::path(

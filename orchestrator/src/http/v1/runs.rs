@@ -15,7 +15,6 @@ use store::runs::{self, RunCursor, RunRow};
 use store::{from_json, to_u64};
 
 use super::failures::critique_backlog;
-use crate::clock::rfc3339;
 use crate::engine::error::ServiceError;
 use crate::http::access::Caller;
 use crate::http::extract::{Json, NoQuery, Path, Query};
@@ -27,6 +26,7 @@ use crate::runs::create_run::CreateRun;
 use crate::runs::delete_run::DeleteRun;
 use crate::runs::run_status::{RunAction, SetRunStatus};
 use crate::runs::set_policy_version::SetPolicyVersion;
+use clock::rfc3339;
 
 /// Number of warnings that a run shows.
 const MAX_WARNINGS: i64 = 20;

@@ -6,13 +6,13 @@ use env_core::text::{MAX_QUOTED_CHARS, shorten};
 use store::history::{self, HistoryBucket, HistoryPoint, HistoryWindow};
 use store::runs;
 
-use crate::clock::{Millis, rfc3339};
 use crate::http::extract::{Path, Query};
 use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::queries::current_mastery::{CurrentMastery, update_last_points};
+use clock::{Millis, rfc3339};
 
 /// Default number of points of a series.
 const DEFAULT_POINTS: u32 = 300;

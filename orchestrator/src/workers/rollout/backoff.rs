@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use crate::clock::Millis;
+use clock::Millis;
 
 /// Pause after the first group that fails. It doubles with each further failure.
 const MIN_PAUSE: Duration = Duration::from_secs(1);

@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 use std::sync::atomic::Ordering;
 
+use clock::{Clock, ManualClock};
 use env_core::SeedSpace;
-use orchestrator::clock::{Clock, ManualClock};
 use serde_json::{Value, json};
 use system_tests::{Server, wait_until};
 

@@ -3,8 +3,8 @@
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use clock::{Clock, ManualClock};
 use llm::{LlmClient, LlmConfig};
-use orchestrator::clock::{Clock, ManualClock};
 use orchestrator::rollouts::Endpoint;
 use orchestrator::service::Config;
 use serde_json::json;

@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use orchestrator::clock::{Clock, ManualClock};
+use clock::{Clock, ManualClock};
 use serde_json::{Value, json};
 use system_tests::Server;
 

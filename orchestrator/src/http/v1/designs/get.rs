@@ -9,7 +9,6 @@ use store::scenarios::ScenarioLoader;
 use store::{brackets, layout_transitions};
 
 use super::view::{design_json, design_summary};
-use crate::clock::rfc3339;
 use crate::designs::retire_layout::find_layout;
 use crate::http::extract::{NoQuery, Path};
 use crate::http::path_ids::{parse_id, parse_run_id};
@@ -17,6 +16,7 @@ use crate::http::problem::Problem;
 use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::leases::bracket_view::scenario_bracket;
+use clock::rfc3339;
 
 /// Largest number of episodes that are listed.
 const MAX_EPISODES: i64 = 16;

@@ -9,9 +9,9 @@ use store::from_json;
 use store::ids::{DesignRequestId, LayoutId};
 use store::layouts::LayoutRow;
 
-use crate::clock::rfc3339;
 use crate::http::paging::{PageCursor, next_cursor};
 use crate::http::problem::Problem;
+use clock::rfc3339;
 
 /// Converts the row of a layout.
 ///

@@ -6,7 +6,7 @@ use api_types::EvaluationSummary;
 use store::evaluations::EvaluationRow;
 use store::ids::EvaluationId;
 
-use crate::clock::rfc3339;
+use clock::rfc3339;
 
 /// Converts the row of an evaluation.
 pub(super) fn evaluation_summary(row: EvaluationRow) -> EvaluationSummary {

@@ -12,10 +12,10 @@ use store::leases::LeaseRow;
 use store::scenarios::ScenarioLoader;
 use store::to_u64;
 
-use crate::clock::rfc3339;
 use crate::http::problem::Problem;
 use crate::leases::bracket_view::scenario_bracket;
 use crate::leases::scenario_cache::ScenarioCache;
+use clock::rfc3339;
 
 /// Converts the row of a lease, without its groups.
 pub(super) fn lease_summary(row: LeaseRow) -> LeaseSummary {

@@ -1,0 +1,103 @@
+//! `--url` and `--db`: the server or the database that a subcommand means.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use orchestrator::service::{Config, Service};
+use store::{DatabaseLock, OpenError};
+
+use commands::api::ApiClient;
+
+/// Arguments that name a server or a database.
+#[derive(Debug, Clone, clap::Args)]
+pub(crate) struct ServerArgs {
+    /// URL of the server, such as http://127.0.0.1:8700 [default: the server of --db; SPARRING_TOKEN has the token]
+    #[arg(long, global = true, value_name = "URL", env = "SPARRING_URL", help_heading = "Server")]
+    url: Option<String>,
+    /// Path of the database; the command works with its server, or with the file if no server runs
+    #[arg(
+        long,
+        global = true,
+        default_value = "sparring.sqlite3",
+        value_name = "PATH",
+        env = "SPARRING_DB",
+        help_heading = "Server"
+    )]
+    db: PathBuf,
+}
+
+/// Client of a server, or of a service that this process started for a database without a server.
+pub(crate) struct Connection {
+    /// Client of the server or the service.
+    pub(crate) api: ApiClient,
+    own: Option<Service>,
+}
+
+impl Connection {
+    /// Connects to the server that the arguments name.
+    ///
+    /// # Errors
+    /// Returns an error if the URL is invalid, or the database does not exist, cannot be used, or is locked by a program
+    /// without a URL.
+    pub(crate) async fn open(args: &ServerArgs) -> anyhow::Result<Self> {
+        if let Some(url) = &args.url {
+            return Ok(Self { api: ApiClient::new(url)?, own: None });
+        }
+        if !args.db.exists() {
+            bail!(
+                "there is no database {}: start a server with `sparring serve`, or set --url or --db",
+                args.db.display()
+            );
+        }
+        match DatabaseLock::acquire(&args.db) {
+            Ok(lock) => drop(lock),
+            Err(OpenError::Locked(_)) => return Self::to_server_of(&args.db),
+            Err(error) => return Err(error.into()),
+        }
+        // Reading an older database must not upgrade it.
+        super::db::open_readers(&args.db).await?.close().await;
+        let config = Config::for_this_process(args.db.clone());
+        let token = config.process_token.as_ref().map(|token| token.expose().into());
+        let service = Service::start(config).await?;
+        Ok(Self { api: ApiClient::with_token(&service.url(), token)?, own: Some(service) })
+    }
+
+    /// Connects to the server that holds the lock of a database.
+    fn to_server_of(db: &Path) -> anyhow::Result<Self> {
+        let url = DatabaseLock::published_url(db).with_context(|| {
+            format!(
+                "{} is in use by a program without a URL; set --url to the address of its server",
+                db.display()
+            )
+        })?;
+        Ok(Self { api: ApiClient::new(&reachable(&url))?, own: None })
+    }
+
+    /// Returns true if a server responds, and false for a service of this process.
+    pub(crate) const fn is_server(&self) -> bool {
+        self.own.is_none()
+    }
+
+    /// Deletes the data of deleted runs, if no server does.
+    ///
+    /// # Errors
+    /// Returns an error if the database cannot be written.
+    pub(crate) async fn finish_deletions(&self) -> anyhow::Result<()> {
+        if let Some(service) = &self.own {
+            service.finish_deletions().await?;
+        }
+        Ok(())
+    }
+
+    /// Stops the service of this process, if there is one.
+    pub(crate) async fn close(self) {
+        if let Some(service) = self.own {
+            service.stop().await;
+        }
+    }
+}
+
+/// Replaces the address of a server that listens on all addresses by that of this machine.
+fn reachable(url: &str) -> String {
+    url.replace("//0.0.0.0:", "//127.0.0.1:").replace("//[::]:", "//[::1]:")
+}
