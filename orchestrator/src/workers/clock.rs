@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-use clock::Clock;
 use crate::engine::shift_deadlines::ShiftDeadlines;
 use crate::engine::writer::Writer;
 use crate::workers::round_error::ends_worker;
+use clock::Clock;
 
 /// Interval between two checks.
 const POLL_INTERVAL: Duration = Duration::from_millis(500);
