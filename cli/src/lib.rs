@@ -11,17 +11,14 @@
 pub mod bind_args;
 pub mod completions;
 pub mod config;
-mod connection;
 pub mod db;
 pub mod demo;
 pub mod judge;
 pub mod man;
+mod own_service;
 pub mod policy;
 pub mod report;
-pub mod runs;
 pub mod serve;
-pub mod status;
-pub mod tail;
 #[cfg(test)]
 mod tests;
 pub mod token;
@@ -34,7 +31,9 @@ use clap::{Parser, Subcommand};
 
 use commands::logs::LogArgs;
 use commands::output::OutputTarget;
-use commands::{agreement, bench, critique, design, eval, interrupt, play, replay, simulate, suite};
+use commands::{
+    agreement, bench, critique, design, eval, interrupt, play, replay, runs, simulate, status, suite, tail,
+};
 
 use self::config::ConfigFile;
 
@@ -115,10 +114,10 @@ impl Command {
         match self {
             Self::Serve(args) => serve::run(args),
             Self::Demo(args) => demo::run(args),
-            Self::Runs(args) => runs::run(args),
-            Self::Status(args) => status::run(args),
-            Self::Tail(args) => tail::run(args),
-            Self::Design(args) => design::run(args),
+            Self::Runs(args) => runs::run(args, own_service::start),
+            Self::Status(args) => status::run(args, own_service::start),
+            Self::Tail(args) => tail::run(args, own_service::start),
+            Self::Design(args) => design::run(args, own_service::start),
             Self::Eval(args) => eval::run(args),
             Self::Play(args) => play::run(args),
             Self::Suite(args) => suite::run(args),

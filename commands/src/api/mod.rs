@@ -2,6 +2,7 @@
 //!
 //! [`connection`] finds the server that the command line means, [`run_names`] finds runs, [`event_stream`] reads events.
 
+mod connection;
 mod event_stream;
 mod run_names;
 
@@ -15,6 +16,7 @@ use secrecy::{ExposeSecret, SecretString};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+pub use self::connection::{Connection, OwnService, ServerArgs, StartService};
 pub use self::event_stream::{EventStream, StreamedEvent};
 pub use self::run_names::{find_run, list_runs};
 
@@ -46,11 +48,7 @@ impl ApiClient {
         Self::with_token(url, token.map(|token| token.trim().into()))
     }
 
-    /// Creates a client of the service at a URL, with a token if one is given.
-    ///
-    /// # Errors
-    /// Returns an error if the URL is no http(s) URL.
-    pub fn with_token(url: &str, token: Option<SecretString>) -> anyhow::Result<Self> {
+    fn with_token(url: &str, token: Option<SecretString>) -> anyhow::Result<Self> {
         let invalid = || format!("--url: {url:?} must be a URL such as http://127.0.0.1:8700");
         let parsed = Url::parse(url).with_context(invalid)?;
         if !matches!(parsed.scheme(), "http" | "https") || parsed.host().is_none() {

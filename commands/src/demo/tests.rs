@@ -17,6 +17,7 @@ use env_core::log::Precision;
 use env_core::{Bracket, Scenario, SeedSpace, SuccessRule, rollout};
 use orchestrator::leases::prepare::unsolvable::UnsolvableParams;
 use orchestrator::leases::prepare::{DrawContext, SeedSource, prepare};
+use orchestrator::service::{Config, Service};
 
 use super::designs::Designs;
 use super::feed::{Feed, FinishedEpisode};
@@ -345,8 +346,10 @@ fn over_http_the_same_seed_is_the_same_run_in_every_world() {
 
 /// Runs the demo without its output.
 async fn run_demo(args: &super::Args) -> anyhow::Result<(Progress, String)> {
-    let service = super::DemoService::start(args).await?;
-    let trained = super::train_at(&service.url, args).await;
+    super::check(args)?;
+    let folder = tempfile::tempdir()?;
+    let service = Service::start(Config::local(folder.path().join("demo.sqlite3"))).await?;
+    let trained = super::train_at(&service.url(), args).await;
     service.stop().await;
     trained
 }

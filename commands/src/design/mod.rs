@@ -27,7 +27,7 @@ use tokio::runtime::Runtime;
 use self::brief::RunSnapshot;
 use self::design_report::{DesignReport, LayoutResult};
 use self::designers::DesignerKind;
-use super::api::{ApiClient, Connection, ServerArgs};
+use super::api::{ApiClient, Connection, ServerArgs, StartService};
 use super::llm_args::LlmArgs;
 use super::names;
 use super::options::{self, ChosenOption};
@@ -133,15 +133,15 @@ Examples:
 ///
 /// # Errors
 /// Returns an error if a server, profile or file cannot be read, the task has no design language, or params are invalid.
-pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+pub fn run(args: &Args, start: StartService) -> anyhow::Result<ExitCode> {
     args.check()?;
     if args.dry_run {
         let runtime = runtime()?;
-        let brief = build_brief(args, &runtime)?;
+        let brief = build_brief(args, &runtime, start)?;
         dry_run::show(args, &brief, language_of(&brief)?)?;
         return Ok(ExitCode::SUCCESS);
     }
-    let outcome = design_layouts(args)?;
+    let outcome = design_layouts(args, start)?;
     print_report(args, &outcome)?;
     let admitted = outcome.admitted().count();
     let is_success = if args.layouts.is_some() { admitted == outcome.rows.len() } else { admitted > 0 };
@@ -149,13 +149,13 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 }
 
 /// Designs the layouts that the arguments ask for, or reads them from a file.
-fn design_layouts(args: &Args) -> anyhow::Result<DesignReport> {
+fn design_layouts(args: &Args, start: StartService) -> anyhow::Result<DesignReport> {
     if args.layouts.is_some() {
         return designers::judge_file(args);
     }
     let runtime = runtime()?;
     let mut designer = designers::create_designer(args)?;
-    let brief = build_brief(args, &runtime)?;
+    let brief = build_brief(args, &runtime, start)?;
     let known = brief.past_layouts.iter().map(|past| past.design.clone()).collect();
     let mut gate = Gate::new(language_of(&brief)?, known);
     let spinner = Spinner::new(&format!("{} designs {} layouts", designer.name(), brief.count));
@@ -191,10 +191,10 @@ fn runtime() -> anyhow::Result<Runtime> {
 }
 
 /// Builds the brief from the arguments, and from the service if `--run` is given.
-fn build_brief(args: &Args, runtime: &Runtime) -> anyhow::Result<DesignBrief> {
+fn build_brief(args: &Args, runtime: &Runtime, start: StartService) -> anyhow::Result<DesignBrief> {
     let Some(run) = &args.run else { return brief::build(args, RunSnapshot::default()) };
     runtime.block_on(async {
-        let connection = Connection::open(&args.server).await.context("--run")?;
+        let connection = Connection::open(&args.server, start).await.context("--run")?;
         let brief = brief_for_run(args, &connection.api, run).await;
         connection.close().await;
         brief

@@ -2,9 +2,11 @@
 
 use clap::Parser;
 use env_core::Scenario;
+use futures_util::future::LocalBoxFuture;
 use serde_json::{Value, json};
 
 use super::*;
+use crate::api::OwnService;
 use crate::output::OutputTarget;
 
 #[derive(Debug, Parser)]
@@ -17,9 +19,14 @@ fn args(line: &[&str]) -> Args {
     DesignCommand::try_parse_from([&["design"], line].concat()).unwrap().args
 }
 
+/// The tests read no run.
+fn no_service(_: PathBuf) -> LocalBoxFuture<'static, anyhow::Result<OwnService>> {
+    Box::pin(async { Err(anyhow!("no service can be started")) })
+}
+
 fn fault(line: &[&str]) -> String {
     match DesignCommand::try_parse_from([&["design"], line].concat()) {
-        Ok(line) => format!("{:#}", run(&line.args).unwrap_err()),
+        Ok(line) => format!("{:#}", run(&line.args, no_service).unwrap_err()),
         Err(error) => error.to_string().lines().next().unwrap_or_default().to_owned(),
     }
 }
@@ -52,7 +59,9 @@ fn profiles() -> tempfile::NamedTempFile {
 
 /// Judges hand-written designs; some names hold terminal control characters.
 fn outcome() -> DesignReport {
-    let brief = build_brief(&args(&["--level", "4", "--param", "debris=12"]), &runtime().unwrap()).unwrap();
+    let brief =
+        build_brief(&args(&["--level", "4", "--param", "debris=12"]), &runtime().unwrap(), no_service)
+            .unwrap();
     let mut gate = Gate::new(language_of(&brief).unwrap(), Vec::new());
     let met = |satellite: u32, step: u32, bearing_deg: u32, relative_speed: u32| {
         json!({"satellite": satellite, "step": step, "bearing_deg": bearing_deg, "relative_speed": relative_speed,
@@ -134,7 +143,7 @@ fn admitted_layouts_are_read_back() {
         let line = ["--profile", path(&profile), "--level", level, "--n", "3", "--out", &out];
         assert_eq!(run(&args(&line)).unwrap(), ExitCode::SUCCESS, "{task}");
         let line = ["--layouts", &out, "--out", &again, "--json"];
-        let outcome = design_layouts(&args(&line)).unwrap();
+        let outcome = design_layouts(&args(&line), no_service).unwrap();
         let refused: Vec<_> = outcome.rows.iter().filter_map(|row| row.verdict.as_ref().err()).collect();
         assert!(refused.is_empty() && outcome.rows.len() == 3, "{task}: {refused:?}");
         assert_eq!(run(&args(&line)).unwrap(), ExitCode::SUCCESS);
@@ -168,7 +177,7 @@ fn dry_run_prints_the_brief() {
     let profile = profiles();
     let line = ["--profile", path(&profile), "--level", "5", "--param", "fuel=7", "--n", "3", "--dry-run"];
     let args = args(&line);
-    let mut brief = build_brief(&args, &runtime().unwrap()).unwrap();
+    let mut brief = build_brief(&args, &runtime().unwrap(), no_service).unwrap();
     brief.mastery = Some(designer::brief::LevelMastery { n: 64, mean: 0.5, q10: 0.42, q90: 0.58 });
     let report = dry_run::text_report(&brief, language_of(&brief).unwrap());
     let text = report.render(OutputTarget::Terminal(100));
@@ -189,7 +198,7 @@ fn dry_run_prints_the_brief() {
 #[test]
 fn a_profile_decides_the_task_unless_one_is_named() {
     let profile = profiles();
-    let brief = |line: &[&str]| build_brief(&args(line), &runtime().unwrap()).unwrap();
+    let brief = |line: &[&str]| build_brief(&args(line), &runtime().unwrap(), no_service).unwrap();
     let given = brief(&["--profile", path(&profile)]);
     assert_eq!(
         (given.recipe.task().id(), given.level, given.profile.criticised),
@@ -213,9 +222,10 @@ fn files_of_any_world_pass_the_gate() {
     assert_eq!(run(&args(&["--layouts", path(&good)])).unwrap(), ExitCode::SUCCESS);
     let both = file(&json!({"layouts": [entry("dock", &docking), entry("empty", &empty)]}).to_string());
     assert_eq!(run(&args(&["--layouts", path(&both), "--json"])).unwrap(), ExitCode::FAILURE);
-    let outcome = design_layouts(&args(&["--layouts", path(&both)])).unwrap();
+    let outcome = design_layouts(&args(&["--layouts", path(&both)]), no_service).unwrap();
     assert_eq!(outcome.json()["summary"]["refused"], json!({"contested": 1}));
-    let one = design_layouts(&args(&["--layouts", path(&both), "--task", "docking/single"])).unwrap();
+    let one =
+        design_layouts(&args(&["--layouts", path(&both), "--task", "docking/single"]), no_service).unwrap();
     assert_eq!((one.rows.len(), one.admitted().count()), (1, 1));
 }
 

@@ -3,8 +3,8 @@
 use api_types::{RunStatus, RunSummary};
 use serde_json::Value;
 
-use commands::api::{ApiClient, list_runs};
-use commands::output::{self, Column, JsonFlag, OutputTarget, TextTable};
+use crate::api::{ApiClient, list_runs};
+use crate::output::{self, Column, JsonFlag, OutputTarget, TextTable};
 
 /// List runs, the newest first.
 #[derive(Debug, clap::Args)]

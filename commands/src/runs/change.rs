@@ -3,8 +3,8 @@
 use api_types::RunSummary;
 
 use super::list::status_name;
-use commands::api::{ApiClient, find_run};
-use commands::output::{self, JsonFlag};
+use crate::api::{ApiClient, find_run};
+use crate::output::{self, JsonFlag};
 
 /// Runs whose status to change.
 #[derive(Debug, clap::Args)]

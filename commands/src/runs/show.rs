@@ -4,8 +4,8 @@ use api_types::{Run, RunMastery, RunOverview};
 use serde::Serialize;
 
 use super::list::{status_name, strategy};
-use commands::api::{ApiClient, find_run};
-use commands::output::{self, Column, JsonFlag, Report, TextTable};
+use crate::api::{ApiClient, find_run};
+use crate::output::{self, Column, JsonFlag, Report, TextTable};
 
 /// Show a run: its progress by task, its settings and warnings.
 #[derive(Debug, clap::Args)]

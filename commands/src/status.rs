@@ -6,9 +6,9 @@ use api_types::{RunOverview, RunSummary};
 use serde::Serialize;
 
 use super::runs::RunDetails;
-use crate::connection::{Connection, ServerArgs};
-use commands::api::{ApiClient, find_run, list_runs};
-use commands::output::{self, Column, JsonFlag, Report, TextTable};
+use crate::api::{ApiClient, find_run, list_runs};
+use crate::api::{Connection, ServerArgs, StartService};
+use crate::output::{self, Column, JsonFlag, Report, TextTable};
 
 /// Largest number of runs that are shown.
 const MAX_RUNS: usize = 20;
@@ -36,10 +36,10 @@ pub struct Args {
 ///
 /// # Errors
 /// Returns an error if the server cannot be reached or rejects the request, or the database cannot be used.
-pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+pub fn run(args: &Args, start: StartService) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     runtime.block_on(async {
-        let connection = Connection::open(&args.server).await?;
+        let connection = Connection::open(&args.server, start).await?;
         let done = match &args.run {
             Some(run) => show_run(&connection.api, run, args.output.json).await,
             None => show_server(&connection, args.output.json).await,

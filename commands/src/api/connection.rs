@@ -3,14 +3,29 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use orchestrator::service::{Config, Service};
+use futures_util::future::LocalBoxFuture;
+use secrecy::SecretString;
 use store::{DatabaseLock, OpenError};
 
-use commands::api::ApiClient;
+use super::ApiClient;
+
+/// Starts a service in this process for a database that no server uses. The binary passes it on, because this crate does not
+/// contain the service.
+pub type StartService = fn(PathBuf) -> LocalBoxFuture<'static, anyhow::Result<OwnService>>;
+
+/// Service of this process.
+pub struct OwnService {
+    /// URL of the service.
+    pub url: String,
+    /// Token that admits requests of this process.
+    pub token: Option<SecretString>,
+    /// Stops the service when it is polled.
+    pub stop: LocalBoxFuture<'static, ()>,
+}
 
 /// Arguments that name a server or a database.
 #[derive(Debug, Clone, clap::Args)]
-pub(crate) struct ServerArgs {
+pub struct ServerArgs {
     /// URL of the server, such as http://127.0.0.1:8700 [default: the server of --db; SPARRING_TOKEN has the token]
     #[arg(long, global = true, value_name = "URL", env = "SPARRING_URL", help_heading = "Server")]
     url: Option<String>,
@@ -27,19 +42,20 @@ pub(crate) struct ServerArgs {
 }
 
 /// Client of a server, or of a service that this process started for a database without a server.
-pub(crate) struct Connection {
+pub struct Connection {
     /// Client of the server or the service.
-    pub(crate) api: ApiClient,
-    own: Option<Service>,
+    pub api: ApiClient,
+    /// Stops the service of this process, if there is one.
+    own: Option<LocalBoxFuture<'static, ()>>,
 }
 
 impl Connection {
-    /// Connects to the server that the arguments name.
+    /// Connects to the server that the arguments name, or starts a service for a database without a server.
     ///
     /// # Errors
     /// Returns an error if the URL is invalid, or the database does not exist, cannot be used, or is locked by a program
     /// without a URL.
-    pub(crate) async fn open(args: &ServerArgs) -> anyhow::Result<Self> {
+    pub async fn open(args: &ServerArgs, start: StartService) -> anyhow::Result<Self> {
         if let Some(url) = &args.url {
             return Ok(Self { api: ApiClient::new(url)?, own: None });
         }
@@ -54,12 +70,8 @@ impl Connection {
             Err(OpenError::Locked(_)) => return Self::to_server_of(&args.db),
             Err(error) => return Err(error.into()),
         }
-        // Reading an older database must not upgrade it.
-        super::db::open_readers(&args.db).await?.close().await;
-        let config = Config::for_this_process(args.db.clone());
-        let token = config.process_token.as_ref().map(|token| token.expose().into());
-        let service = Service::start(config).await?;
-        Ok(Self { api: ApiClient::with_token(&service.url(), token)?, own: Some(service) })
+        let OwnService { url, token, stop } = start(args.db.clone()).await?;
+        Ok(Self { api: ApiClient::with_token(&url, token)?, own: Some(stop) })
     }
 
     /// Connects to the server that holds the lock of a database.
@@ -74,7 +86,7 @@ impl Connection {
     }
 
     /// Returns true if a server responds, and false for a service of this process.
-    pub(crate) const fn is_server(&self) -> bool {
+    pub const fn is_server(&self) -> bool {
         self.own.is_none()
     }
 
@@ -90,9 +102,9 @@ impl Connection {
     }
 
     /// Stops the service of this process, if there is one.
-    pub(crate) async fn close(self) {
-        if let Some(service) = self.own {
-            service.stop().await;
+    pub async fn close(self) {
+        if let Some(stop) = self.own {
+            stop.await;
         }
     }
 }

@@ -4,9 +4,9 @@ use std::process::ExitCode;
 
 use serde_json::Value;
 
-use crate::connection::{Connection, ServerArgs};
-use commands::api::{EventStream, StreamedEvent, find_run};
-use commands::output;
+use crate::api::{Connection, ServerArgs, StartService};
+use crate::api::{EventStream, StreamedEvent, find_run};
+use crate::output;
 
 /// Print the events of a run as they happen, until Ctrl-C.
 #[derive(Debug, clap::Args)]
@@ -44,10 +44,10 @@ pub struct Args {
 ///
 /// # Errors
 /// Returns an error if the server cannot be reached or the run does not exist.
-pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+pub fn run(args: &Args, start: StartService) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     runtime.block_on(async {
-        let connection = Connection::open(&args.server).await?;
+        let connection = Connection::open(&args.server, start).await?;
         let done = follow(&connection, args).await;
         connection.close().await;
         done.map(|()| ExitCode::SUCCESS)

@@ -13,7 +13,7 @@ pub(crate) use self::list::status_name;
 pub(crate) use self::show::RunDetails;
 use clap::Subcommand;
 
-use crate::connection::{Connection, ServerArgs};
+use crate::api::{Connection, ServerArgs, StartService};
 
 /// List, show, create, tag, pause, resume, archive or delete runs.
 #[derive(Debug, clap::Args)]
@@ -55,10 +55,10 @@ enum Command {
 ///
 /// # Errors
 /// Returns an error if the server cannot be reached or rejects the request, or the database cannot be used.
-pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+pub fn run(args: &Args, start: StartService) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     runtime.block_on(async {
-        let connection = Connection::open(&args.server).await?;
+        let connection = Connection::open(&args.server, start).await?;
         let api = &connection.api;
         let done = match &args.command {
             Command::List(args) => list::run(api, args).await,

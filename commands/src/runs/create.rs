@@ -9,9 +9,9 @@ use clap::builder::PossibleValuesParser;
 use curriculum::StrategyKind;
 use serde_json::{Map, Value, json};
 
-use commands::api::ApiClient;
-use commands::names;
-use commands::output::{self, JsonFlag};
+use crate::api::ApiClient;
+use crate::names;
+use crate::output::{self, JsonFlag};
 
 /// Create a run and print its id.
 #[derive(Debug, clap::Args)]
