@@ -141,16 +141,16 @@ fn admitted_layouts_are_read_back() {
         let profile = file(&json!({"task": task, "criticised": 20, "modes": [mode]}).to_string());
         let (out, again) = (at("out.json"), at("again.json"));
         let line = ["--profile", path(&profile), "--level", level, "--n", "3", "--out", &out];
-        assert_eq!(run(&args(&line)).unwrap(), ExitCode::SUCCESS, "{task}");
+        assert_eq!(run(&args(&line), no_service).unwrap(), ExitCode::SUCCESS, "{task}");
         let line = ["--layouts", &out, "--out", &again, "--json"];
         let outcome = design_layouts(&args(&line), no_service).unwrap();
         let refused: Vec<_> = outcome.rows.iter().filter_map(|row| row.verdict.as_ref().err()).collect();
         assert!(refused.is_empty() && outcome.rows.len() == 3, "{task}: {refused:?}");
-        assert_eq!(run(&args(&line)).unwrap(), ExitCode::SUCCESS);
+        assert_eq!(run(&args(&line), no_service).unwrap(), ExitCode::SUCCESS);
         assert_eq!(std::fs::read(&out).unwrap(), std::fs::read(&again).unwrap(), "{task}");
         // The same profile and seed make the same layouts.
         let line = ["--profile", path(&profile), "--level", level, "--n", "3", "--out", &again];
-        assert_eq!(run(&args(&line)).unwrap(), ExitCode::SUCCESS);
+        assert_eq!(run(&args(&line), no_service).unwrap(), ExitCode::SUCCESS);
         assert_eq!(std::fs::read(&out).unwrap(), std::fs::read(&again).unwrap(), "{task}");
     }
 }
@@ -160,7 +160,7 @@ fn pictures_are_written_with_an_index() {
     let folder = tempfile::tempdir().unwrap();
     let into = folder.path().join("new/pictures");
     let line = ["--n", "2", "--level", "4", "--svg", into.to_str().unwrap()];
-    assert_eq!(run(&args(&line)).unwrap(), ExitCode::SUCCESS);
+    assert_eq!(run(&args(&line), no_service).unwrap(), ExitCode::SUCCESS);
     let mut files: Vec<_> = std::fs::read_dir(&into)
         .unwrap()
         .map(|file| file.unwrap().file_name().into_string().unwrap())
@@ -192,7 +192,7 @@ fn dry_run_prints_the_brief() {
         3
     );
     assert!(brief.param_choices.iter().all(|limit| limit.param != "fuel") && brief.param("fuel") == 7.0);
-    assert_eq!(run(&args).unwrap(), ExitCode::SUCCESS);
+    assert_eq!(run(&args, no_service).unwrap(), ExitCode::SUCCESS);
 }
 
 #[test]
@@ -219,9 +219,9 @@ fn files_of_any_world_pass_the_gate() {
     let empty = scenario(json!({"task": "kessler/survival", "params": {"debris": 0}, "seed": 5}));
     let entry = |name: &str, scenario: &Value| json!({"name": name, "scenario": scenario});
     let good = file(&json!({"layouts": [entry("dock", &docking)]}).to_string());
-    assert_eq!(run(&args(&["--layouts", path(&good)])).unwrap(), ExitCode::SUCCESS);
+    assert_eq!(run(&args(&["--layouts", path(&good)]), no_service).unwrap(), ExitCode::SUCCESS);
     let both = file(&json!({"layouts": [entry("dock", &docking), entry("empty", &empty)]}).to_string());
-    assert_eq!(run(&args(&["--layouts", path(&both), "--json"])).unwrap(), ExitCode::FAILURE);
+    assert_eq!(run(&args(&["--layouts", path(&both), "--json"]), no_service).unwrap(), ExitCode::FAILURE);
     let outcome = design_layouts(&args(&["--layouts", path(&both)]), no_service).unwrap();
     assert_eq!(outcome.json()["summary"]["refused"], json!({"contested": 1}));
     let one =
