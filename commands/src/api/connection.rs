@@ -11,16 +11,24 @@ use super::ApiClient;
 
 /// Starts a service in this process for a database that no server uses. The binary passes it on, because this crate does not
 /// contain the service.
-pub type StartService = fn(PathBuf) -> LocalBoxFuture<'static, anyhow::Result<OwnService>>;
+pub type StartService = fn(PathBuf) -> LocalBoxFuture<'static, anyhow::Result<StartedService>>;
 
-/// Service of this process.
-pub struct OwnService {
+/// Service that this process started.
+pub struct StartedService {
     /// URL of the service.
     pub url: String,
     /// Token that admits requests of this process.
     pub token: Option<SecretString>,
-    /// Stops the service when it is polled.
-    pub stop: LocalBoxFuture<'static, ()>,
+    /// Handle that stops the service.
+    pub service: Box<dyn OwnService>,
+}
+
+/// Methods of a service of this process that no request calls.
+pub trait OwnService {
+    /// Deletes the data of deleted runs.
+    fn finish_deletions(&self) -> LocalBoxFuture<'_, anyhow::Result<()>>;
+    /// Stops the service and closes its database.
+    fn stop(self: Box<Self>) -> LocalBoxFuture<'static, ()>;
 }
 
 /// Arguments that name a server or a database.
@@ -45,8 +53,7 @@ pub struct ServerArgs {
 pub struct Connection {
     /// Client of the server or the service.
     pub api: ApiClient,
-    /// Stops the service of this process, if there is one.
-    own: Option<LocalBoxFuture<'static, ()>>,
+    own: Option<Box<dyn OwnService>>,
 }
 
 impl Connection {
@@ -70,8 +77,8 @@ impl Connection {
             Err(OpenError::Locked(_)) => return Self::to_server_of(&args.db),
             Err(error) => return Err(error.into()),
         }
-        let OwnService { url, token, stop } = start(args.db.clone()).await?;
-        Ok(Self { api: ApiClient::with_token(&url, token)?, own: Some(stop) })
+        let StartedService { url, token, service } = start(args.db.clone()).await?;
+        Ok(Self { api: ApiClient::with_token(&url, token)?, own: Some(service) })
     }
 
     /// Connects to the server that holds the lock of a database.
@@ -103,8 +110,8 @@ impl Connection {
 
     /// Stops the service of this process, if there is one.
     pub async fn close(self) {
-        if let Some(stop) = self.own {
-            stop.await;
+        if let Some(service) = self.own {
+            service.stop().await;
         }
     }
 }

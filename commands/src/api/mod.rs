@@ -16,7 +16,7 @@ use secrecy::{ExposeSecret, SecretString};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-pub use self::connection::{Connection, OwnService, ServerArgs, StartService};
+pub use self::connection::{Connection, OwnService, ServerArgs, StartService, StartedService};
 pub use self::event_stream::{EventStream, StreamedEvent};
 pub use self::run_names::{find_run, list_runs};
 

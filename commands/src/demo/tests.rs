@@ -15,8 +15,7 @@ use curriculum::{
 use env_core::admission::{is_contested, is_success};
 use env_core::log::Precision;
 use env_core::{Bracket, Scenario, SeedSpace, SuccessRule, rollout};
-use orchestrator::leases::prepare::unsolvable::UnsolvableParams;
-use orchestrator::leases::prepare::{DrawContext, SeedSource, prepare};
+use orchestrator::leases::prepare::{DrawContext, SeedSource, prepare, unsolvable::UnsolvableParams};
 use orchestrator::service::{Config, Service};
 
 use super::designs::Designs;
@@ -346,7 +345,6 @@ fn over_http_the_same_seed_is_the_same_run_in_every_world() {
 
 /// Runs the demo without its output.
 async fn run_demo(args: &super::Args) -> anyhow::Result<(Progress, String)> {
-    super::check(args)?;
     let folder = tempfile::tempdir()?;
     let service = Service::start(Config::local(folder.path().join("demo.sqlite3"))).await?;
     let trained = super::train_at(&service.url(), args).await;

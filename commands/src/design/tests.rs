@@ -6,7 +6,7 @@ use futures_util::future::LocalBoxFuture;
 use serde_json::{Value, json};
 
 use super::*;
-use crate::api::OwnService;
+use crate::api::StartedService;
 use crate::output::OutputTarget;
 
 #[derive(Debug, Parser)]
@@ -20,7 +20,7 @@ fn args(line: &[&str]) -> Args {
 }
 
 /// The tests read no run.
-fn no_service(_: PathBuf) -> LocalBoxFuture<'static, anyhow::Result<OwnService>> {
+fn no_service(_: PathBuf) -> LocalBoxFuture<'static, anyhow::Result<StartedService>> {
     Box::pin(async { Err(anyhow!("no service can be started")) })
 }
 
