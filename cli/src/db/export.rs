@@ -11,9 +11,9 @@ use store::layouts::{self, LayoutFilter};
 use store::scenarios::ScenarioLoader;
 use store::{compacted_leases, curriculum, episodes, groups, leases, runs};
 
-use super::super::output::{self, Report};
 use super::lines::{self, ExportLine};
 use super::open_readers;
+use commands::output::{self, Report};
 
 /// Export a database as JSON lines (NDJSON), each with its kind: run, move, layout, claim or episode.
 #[derive(Debug, clap::Args)]

@@ -16,7 +16,7 @@ use anyhow::{Context, ensure};
 use clap::Subcommand;
 use sqlx::SqlitePool;
 
-use super::interrupt::INTERRUPTED;
+use commands::interrupt::INTERRUPTED;
 
 /// Inspect, check, back up, compact or export a database.
 #[derive(Debug, clap::Args)]
