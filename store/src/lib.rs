@@ -66,6 +66,7 @@ pub mod step_verdicts;
 mod stored_words;
 pub mod task_counters;
 mod text_enum;
+pub mod token_cache;
 pub mod tokens;
 pub mod trajectories;
 pub mod transactions;

@@ -1,9 +1,8 @@
 //! The service as a whole: database, writer, workers, sessions and HTTP, started and stopped together.
 //!
 //! [`Service::start`] builds every part from a [`Config`] and connects them; `startup` has the steps before the server
-//! listens, `background` the workers. The parts themselves are in `http`, `workers`, `sessions`, `engine` and `store`.
+//! listens. The parts themselves are in `http`, `workers`, `sessions`, `engine` and `store`.
 
-mod background;
 mod config;
 mod startup;
 
@@ -30,7 +29,7 @@ use crate::limits::{BodyLimit, ConcurrencyLimits, LongPollLimit, Quota};
 use crate::sessions::{SessionLimits, SessionManager};
 use crate::threads::{self, ThreadPriority};
 use crate::tokens::Token;
-use crate::workers;
+use crate::workers::{self, WorkerConfig};
 
 /// Time that running requests and the writer have to finish when the service stops.
 const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(10);
@@ -77,9 +76,7 @@ impl Service {
         };
         let sessions = create_sessions(&config, surface, &lease_service)?;
         let workers = match &config.process_token {
-            None => {
-                background::spawn_workers(&config, &lease_service, signals.clone(), ready_sender, &sessions)?
-            }
+            None => spawn_workers(&config, &lease_service, signals.clone(), ready_sender, &sessions)?,
             Some(_) => JoinSet::new(),
         };
         let access_control = http::AccessControl::new(http::AccessConfig {
@@ -215,6 +212,26 @@ fn create_state(
         readiness: http::ReadinessProbe::default(),
         stopping: Arc::clone(stopping),
     }
+}
+
+/// Spawns all workers. `ready` signals that scenarios were prepared.
+fn spawn_workers(
+    config: &Config,
+    lease_service: &LeaseService,
+    signals: WorkerSignals,
+    ready: watch::Sender<u64>,
+    sessions: &Arc<SessionManager>,
+) -> Result<JoinSet<()>, StartError> {
+    let workers = WorkerConfig {
+        clock: config.clock.clone(),
+        lease_service: lease_service.clone(),
+        signals,
+        ready,
+        sessions: Arc::clone(sessions),
+        designers: Arc::clone(&config.designers),
+        endpoint: config.endpoint.clone(),
+    };
+    workers.spawn().map_err(StartError::Threads)
 }
 
 /// Creates a pool of `count` threads, or of one thread for each core if `count` is 0.

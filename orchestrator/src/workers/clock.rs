@@ -11,7 +11,7 @@ use clock::Clock;
 const POLL_INTERVAL: Duration = Duration::from_millis(500);
 
 /// Runs until the writer stops.
-pub async fn run(clock: Clock, writer: Writer) {
+pub(super) async fn run(clock: Clock, writer: Writer) {
     loop {
         if clock.jumped().is_some() {
             match writer.change(ShiftDeadlines(clock.clone())).await {

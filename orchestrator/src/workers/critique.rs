@@ -26,7 +26,7 @@ const PAUSE: Duration = Duration::from_secs(2);
 
 /// Worker that criticises reported episodes.
 #[derive(Debug, Clone)]
-pub struct CritiqueWorker {
+pub(super) struct CritiqueWorker {
     /// Pool of connections that read.
     pub readers: SqlitePool,
     /// Handle to the one writer.
@@ -39,7 +39,7 @@ pub struct CritiqueWorker {
 
 impl CritiqueWorker {
     /// Runs until the writer stops.
-    pub async fn run(self) {
+    pub(super) async fn run(self) {
         let mut sampled = BTreeSet::new();
         loop {
             match self.criticise_batch(&mut sampled).await {

@@ -35,7 +35,7 @@ const FAILED_RUN_PAUSE: Duration = Duration::from_secs(60);
 
 /// Worker that runs design requests.
 #[derive(Debug, Clone)]
-pub struct DesignWorker {
+pub(super) struct DesignWorker {
     /// Pool of connections that read.
     pub readers: SqlitePool,
     /// Handle to the one writer.
@@ -69,7 +69,7 @@ struct DueCheck {
 
 impl DesignWorker {
     /// Runs until the writer stops.
-    pub async fn run(self) {
+    pub(super) async fn run(self) {
         // The sender is dropped when this future ends, however it ends: running designers stop with it.
         let (_alive, stopping) = watch::channel(());
         let context = DesignContext {

@@ -20,7 +20,7 @@ use evaluation::suite_rollout::{SuiteRolloutSettings, roll_out_policy};
 const POLL_INTERVAL: Duration = Duration::from_millis(500);
 
 /// Runs until the writer stops. An evaluation that was interrupted by the end of the server starts over.
-pub async fn run(readers: SqlitePool, writer: Writer, pool: Arc<rayon::ThreadPool>) {
+pub(super) async fn run(readers: SqlitePool, writer: Writer, pool: Arc<rayon::ThreadPool>) {
     loop {
         match evaluate_oldest(&readers, &writer, &pool).await {
             Ok(true) => continue,

@@ -10,7 +10,7 @@ use crate::workers::round_error::ends_worker;
 const POLL_INTERVAL: Duration = Duration::from_millis(500);
 
 /// Runs until the writer stops.
-pub async fn run(writer: Writer) {
+pub(super) async fn run(writer: Writer) {
     loop {
         match writer.change(ExpireLeases).await {
             Ok(0) => {}

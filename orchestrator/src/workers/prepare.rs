@@ -27,7 +27,7 @@ use curriculum::Proposal;
 
 /// Maximum number of proposals that are prepared concurrently, of all runs together. It exceeds the number of cores: a scenario that
 /// takes seconds must not delay those that take milliseconds, and the operating system shares the cores among them.
-pub const MAX_JOBS: usize = 16;
+pub(super) const MAX_JOBS: usize = 16;
 /// Number of waiting proposals that are considered for a start.
 const PROPOSALS_PER_QUERY: i64 = 128;
 /// Pause after an error, and maximum wait for a signal, in case one was missed.
@@ -35,7 +35,7 @@ const PAUSE: Duration = Duration::from_secs(2);
 
 /// Worker that prepares the scenarios of proposals.
 #[derive(Debug, Clone)]
-pub struct PrepareWorker {
+pub(super) struct PrepareWorker {
     /// Pool of connections that read.
     pub readers: SqlitePool,
     /// Handle to the one writer.
@@ -98,7 +98,7 @@ impl ActiveJobs {
 
 impl PrepareWorker {
     /// Runs until the writer stops.
-    pub async fn run(self) {
+    pub(super) async fn run(self) {
         let mut active = ActiveJobs::default();
         loop {
             match self.run_once(&mut active).await {

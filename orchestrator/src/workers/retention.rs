@@ -27,7 +27,7 @@ const MAX_CHANGES_PER_ROUND: i64 = 64;
 const DELETE_MINUTES_INTERVAL: Duration = Duration::from_secs(3600);
 
 /// Runs until the writer stops.
-pub async fn run(readers: SqlitePool, writer: Writer) {
+pub(super) async fn run(readers: SqlitePool, writer: Writer) {
     let mut worker = RetentionWorker {
         readers,
         writer,

@@ -15,7 +15,7 @@ use clock::Clock;
 const POLL_INTERVAL: Duration = Duration::from_secs(1);
 
 /// Runs until the task is aborted.
-pub async fn run(readers: SqlitePool, clock: Clock, sessions: Arc<SessionManager>) {
+pub(super) async fn run(readers: SqlitePool, clock: Clock, sessions: Arc<SessionManager>) {
     loop {
         if let Err(error) = close_revoked(&readers, &clock, &sessions).await {
             tracing::warn!(error = %error, "Tokens of open connections could not be checked; the server retries.");

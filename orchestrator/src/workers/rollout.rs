@@ -37,7 +37,7 @@ const MAX_BUILT_IN_GROUPS: usize = 2;
 
 /// Worker that rolls out the policies of runs.
 #[derive(Debug, Clone)]
-pub struct RolloutWorker {
+pub(super) struct RolloutWorker {
     /// Service that grants leases and takes results.
     pub lease_service: LeaseService,
     /// Pool of connections that read.
@@ -81,7 +81,7 @@ struct ActiveGroups {
 
 impl RolloutWorker {
     /// Runs until the writer stops.
-    pub async fn run(self) {
+    pub(super) async fn run(self) {
         let mut active = ActiveGroups::default();
         let mut has_recovered = false;
         loop {

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
-use moka::future::Cache;
 use sqlx::SqlitePool;
 use store::role::Role;
+use store::token_cache::{TokenCache, ValidToken};
 use store::tokens::{self, TokenRow, TokenState};
 
 use super::super::problem::Problem;
@@ -60,10 +60,7 @@ pub struct AccessControl {
     is_loopback: bool,
     /// True if OpenEnv's routes need no token.
     openenv_public: bool,
-    /// Valid tokens by hash; `None` for an invalid token.
-    cached_tokens: Cache<[u8; 32], Option<CachedToken>>,
-    /// True if the server has tokens, valid or not; empty if unknown.
-    tokens_exist: Cache<(), bool>,
+    token_cache: TokenCache,
     token_rate: RateLimit,
     address_rate: RateLimit,
     /// Limit on database lookups of unknown tokens, so that a client that guesses tokens does not slow down others.
@@ -74,14 +71,6 @@ pub struct AccessControl {
     total_denial_rate: RateLimit,
     /// Hash of the only token that is admitted, if this service belongs to one process.
     process_token: Option<blake3::Hash>,
-}
-
-/// Valid token, as the cache has it.
-#[derive(Debug, Clone)]
-struct CachedToken {
-    id: i64,
-    role: Role,
-    expires_at: Option<Millis>,
 }
 
 /// Reason why a client was denied access.
@@ -108,11 +97,7 @@ impl AccessControl {
             clock,
             is_loopback: bind.ip().is_loopback(),
             openenv_public,
-            cached_tokens: Cache::builder()
-                .max_capacity(MAX_CACHED_TOKENS)
-                .time_to_live(TOKEN_CACHE_TTL)
-                .build(),
-            tokens_exist: Cache::builder().max_capacity(1).time_to_live(TOKEN_CACHE_TTL).build(),
+            token_cache: TokenCache::new(MAX_CACHED_TOKENS, TOKEN_CACHE_TTL),
             token_rate: RateLimit::new(limits.requests),
             address_rate: RateLimit::new(limits.anonymous),
             lookup_rate: RateLimit::new(TOKEN_LOOKUPS_PER_SECOND),
@@ -208,11 +193,11 @@ impl AccessControl {
 
     /// Returns true if the server has tokens, valid or not.
     async fn tokens_exist(&self) -> Result<bool, Problem> {
-        if let Some(any) = self.tokens_exist.get(&()).await {
+        if let Some(any) = self.token_cache.tokens_exist() {
             return Ok(any);
         }
         let any = tokens::presence(&mut *self.readers.acquire().await?, self.clock.now()).await?.any;
-        self.tokens_exist.insert((), any).await;
+        self.token_cache.set_tokens_exist(any);
         Ok(any)
     }
 
@@ -221,16 +206,16 @@ impl AccessControl {
         &self,
         authorization: &HeaderValue,
         address: &Arc<str>,
-    ) -> Result<Option<CachedToken>, Problem> {
+    ) -> Result<Option<ValidToken>, Problem> {
         let Some(token) = parse_token(authorization) else { return Ok(None) };
         let hash = token.hash();
-        let cached = match self.cached_tokens.get(hash.as_bytes()).await {
+        let cached = match self.token_cache.get(hash.as_bytes()) {
             Some(cached) => cached,
             None => {
                 self.lookup_rate.check(address)?;
                 let row = tokens::get(&mut *self.readers.acquire().await?, token.id).await?;
                 let valid = row.as_ref().and_then(|row| self.validate(&hash, row));
-                self.cached_tokens.insert(*hash.as_bytes(), valid.clone()).await;
+                self.token_cache.insert(*hash.as_bytes(), valid.clone());
                 valid
             }
         };
@@ -239,7 +224,7 @@ impl AccessControl {
     }
 
     /// Returns the token of a row if it is valid and has the hash, and updates its last use.
-    fn validate(&self, hash: &blake3::Hash, row: &TokenRow) -> Option<CachedToken> {
+    fn validate(&self, hash: &blake3::Hash, row: &TokenRow) -> Option<ValidToken> {
         let stored = blake3::Hash::from_slice(&row.hash).ok()?;
         let now = self.clock.now();
         // `blake3::Hash` compares in constant time.
@@ -250,7 +235,7 @@ impl AccessControl {
             let (writer, id) = (self.writer.clone(), row.id);
             tokio::spawn(async move { writer.change(TouchToken(id)).await });
         }
-        Some(CachedToken { id: row.id, role: row.role, expires_at: row.expires_at })
+        Some(ValidToken { id: row.id, role: row.role, expires_at: row.expires_at })
     }
 }
 

@@ -1,0 +1,114 @@
+//! Starts all workers of a service.
+
+use std::sync::Arc;
+
+use clock::Clock;
+use futures_util::FutureExt;
+use futures_util::future::BoxFuture;
+use rayon::{ThreadPool, ThreadPoolBuildError};
+use tokio::sync::watch;
+use tokio::task::JoinSet;
+
+use super::critique::CritiqueWorker;
+use super::design::DesignWorker;
+use super::prepare::{self, PrepareWorker};
+use super::rollout::RolloutWorker;
+use super::{clock as clock_worker, delete_runs, evaluate, expire, retention, revoke_connections};
+use crate::designs::Designers;
+use crate::engine::signals::WorkerSignals;
+use crate::leases::lease_service::LeaseService;
+use crate::rollouts::Endpoint;
+use crate::sessions::SessionManager;
+use crate::threads::{self, ThreadPriority};
+
+/// Parts of a service that its workers use.
+#[derive(Debug)]
+pub struct WorkerConfig {
+    /// Source of the current time.
+    pub clock: Clock,
+    /// Database, writer and prepared scenarios.
+    pub lease_service: LeaseService,
+    /// Signals that wake the workers.
+    pub signals: WorkerSignals,
+    /// Signals that scenarios were prepared.
+    pub ready: watch::Sender<u64>,
+    /// Open sessions, for the worker that closes those of revoked tokens.
+    pub sessions: Arc<SessionManager>,
+    /// Designers of new layouts.
+    pub designers: Arc<dyn Designers>,
+    /// Language model for runs with the policy `chat`, if one is configured.
+    pub endpoint: Option<Endpoint>,
+}
+
+impl WorkerConfig {
+    /// Spawns all workers.
+    ///
+    /// # Errors
+    /// Returns an error if the system cannot create the threads of a worker.
+    pub fn spawn(self) -> Result<JoinSet<()>, ThreadPoolBuildError> {
+        // Boxed futures have one type, so the runtime's code for a task is compiled once.
+        let mut jobs = JoinSet::new();
+        for job in self.jobs()? {
+            jobs.spawn(job);
+        }
+        Ok(jobs)
+    }
+
+    fn jobs(self) -> Result<Vec<BoxFuture<'static, ()>>, ThreadPoolBuildError> {
+        let Self { clock, lease_service, signals, ready, sessions, designers, endpoint } = self;
+        let LeaseService { writer, readers, .. } = &lease_service;
+        let preparer = PrepareWorker {
+            readers: readers.clone(),
+            writer: writer.clone(),
+            wake: signals.prepare,
+            ready,
+            unsolvable: Arc::default(),
+            pool: shared_pool("prepare", prepare::MAX_JOBS, ThreadPriority::Bulk)?,
+        };
+        let critic = CritiqueWorker {
+            readers: readers.clone(),
+            writer: writer.clone(),
+            wake: signals.critique,
+            pool: background_pool("critique")?,
+        };
+        let designer = DesignWorker {
+            readers: readers.clone(),
+            writer: writer.clone(),
+            wake: signals.design,
+            designers,
+        };
+        let rollouts = RolloutWorker {
+            lease_service: lease_service.clone(),
+            readers: readers.clone(),
+            clock: clock.clone(),
+            wake: signals.rollout,
+            endpoint,
+            pool: background_pool("rollout")?,
+        };
+        Ok(vec![
+            preparer.run().boxed(),
+            expire::run(writer.clone()).boxed(),
+            clock_worker::run(clock.clone(), writer.clone()).boxed(),
+            retention::run(readers.clone(), writer.clone()).boxed(),
+            delete_runs::run(writer.clone(), signals.delete).boxed(),
+            evaluate::run(readers.clone(), writer.clone(), background_pool("evaluate")?).boxed(),
+            revoke_connections::run(readers.clone(), clock, sessions).boxed(),
+            critic.run().boxed(),
+            designer.run().boxed(),
+            rollouts.run().boxed(),
+        ])
+    }
+}
+
+/// Pool of the lowest priority, of half of the cores.
+fn background_pool(name: &'static str) -> Result<Arc<ThreadPool>, ThreadPoolBuildError> {
+    shared_pool(name, threads::half_of_cores(), ThreadPriority::Background)
+}
+
+fn shared_pool(
+    name: &'static str,
+    count: usize,
+    priority: ThreadPriority,
+) -> Result<Arc<ThreadPool>, ThreadPoolBuildError> {
+    threads::pool(name, count, priority).map(Arc::new)
+}
