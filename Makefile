@@ -43,7 +43,9 @@ test: check-cargo check-clippy check-python check-node ## Run all checks that a 
 	@# While the compiler works, packages are downloaded and the tests that need no binary run.
 	@$(MAKE) --no-print-directory test-prerequisites & prerequisites=$$!; \
 		$(BUILD_TESTS) && wait $$prerequisites || { kill $$prerequisites 2>/dev/null; exit 1; }
-	SQLX_OFFLINE=true SPARRING_BINARY="$(CURDIR)/target/debug/sparring" cargo test --workspace --locked
+	@# Two tests per core: many of them wait, for timeouts and for processes that they start.
+	SQLX_OFFLINE=true SPARRING_BINARY="$(CURDIR)/target/debug/sparring" \
+		RUST_TEST_THREADS=$${RUST_TEST_THREADS:-$$((2 * $$(getconf _NPROCESSORS_ONLN)))} cargo test --workspace --locked
 	@# Each of the two uses about one core.
 	@$(MAKE) --no-print-directory -j2 test-clients test-browser
 
