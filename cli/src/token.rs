@@ -67,11 +67,11 @@ enum Command {
 /// Role on the command line.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum RoleArg {
-    /// Reads: runs, mastery, episodes, events, metrics
+    /// May read runs, mastery, episodes, events and metrics
     Viewer,
-    /// Trains: creates runs, leases, reports, flies
+    /// May also create runs, lease scenarios, report results and open sessions
     Trainer,
-    /// Steers: pauses runs, sets what they keep, asks designers, reads the audit log
+    /// May also change and pause runs, set their retention, request designs and read the audit log
     Admin,
 }
 

@@ -156,7 +156,10 @@ pub fn help() -> String {
             let choices = spec.choices.join("|");
             text.push_str(&format!("\n  {} {}={choices}: {}", world.name(), spec.name, spec.description));
             for reserved in spec.manual_choices {
-                text.push_str(&format!(" ({} for bench and scenarios by hand only)", reserved.choice));
+                text.push_str(&format!(
+                    " ({} only for `sparring bench` and scenario files)",
+                    reserved.choice
+                ));
             }
         }
     }

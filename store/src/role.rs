@@ -5,11 +5,11 @@ use crate::text_enum;
 text_enum! {
     /// Rights of a token. Each role includes the rights of the roles before it.
     pub enum Role: "a token's role" {
-        /// Reads: runs, mastery, episodes, events, metrics.
+        /// May read runs, mastery, episodes, events and metrics.
         Viewer = "viewer",
-        /// Trains: creates runs, leases, reports, flies.
+        /// May also create runs, lease scenarios, report results and open sessions.
         Trainer = "trainer",
-        /// Steers: pauses runs, sets what they keep, asks designers, reads the audit log.
+        /// May also change and pause runs, set their retention, request designs and read the audit log.
         Admin = "admin",
     }
 }

@@ -124,13 +124,14 @@ fn after_help() -> String {
 Controls:
 {}
 
-Default of --episodes: as many as fit {STEP_BUDGET} steps at the longest horizon of the tasks, but at least {MIN_EPISODES} \
-and at most {MAX_EPISODES}: {}.
+Default of --episodes: as many as fit {} million steps at the longest horizon of the tasks, but at least {MIN_EPISODES} and \
+at most {MAX_EPISODES}: {}.
 
 {}
 
 {AFTER_HELP}",
         worlds::describe_policies(&["hold", "blind", "frozen"]),
+        STEP_BUDGET / 1_000_000,
         describe_default_episodes(),
         options::help()
     )

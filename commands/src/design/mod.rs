@@ -41,8 +41,9 @@ use super::output::{self, JsonFlag};
 ///
 /// The gate admits a layout if its numbers are within bounds, its bodies are physically possible, it does what its design
 /// aims at, and nothing collides before an agent can act. For a threat, the reference planner must succeed within fuel and
-/// the blind plans must fail. For a decoy, holding must succeed while a nervous agent wastes fuel. A layout must also differ
-/// from the others of the same call and from the newest ones of the run. Each refused layout is listed with its reason.
+/// the blind plans must fail. For a decoy, holding must succeed while an agent that dodges every near body wastes fuel. A
+/// layout must also differ from the others of the same call and from the newest ones of the run. Each refused layout is
+/// listed with its reason.
 ///
 /// With --layouts the command designs nothing: it checks the layouts of a file, of any world, at the gate.
 #[derive(Debug, clap::Args)]

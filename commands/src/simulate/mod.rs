@@ -49,10 +49,10 @@ pub struct Args {
           value_parser = names::parse_task)]
     tasks: Vec<String>,
     /// Number of episodes of each simulation
-    #[arg(long, default_value_t = 20_000, value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
     episodes: u64,
     /// Number of episodes of a group
-    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1024))]
     group_size: u32,
     /// Target of the ladder [default: half if groups have more than one episode, otherwise mastery]
     #[arg(long, value_parser = ["mastery", "half"])]
@@ -64,7 +64,7 @@ pub struct Args {
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = setting)]
     set: Vec<(String, Value)>,
     /// Number of proposals that are queued ahead
-    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(0..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(0..=10_000))]
     ahead: u32,
     /// Seed of the simulation
     #[arg(long, default_value_t = 0)]

@@ -74,12 +74,12 @@ impl LearnerKind {
         match self {
             Self::Slow => "gains a row of the level table in four thousand episodes or more",
             Self::Fast => "gains a row in a thousand episodes or more",
-            Self::Forgetful => "learns as fast, and forgets four rows every 10 000 episodes",
-            Self::Noisy => "learns as fast, and a coin decides three in ten of its outcomes",
-            Self::Correlated => "learns as fast, and the episodes of a group mostly end alike",
+            Self::Forgetful => "learns like fast, and forgets four rows every 10 000 episodes",
+            Self::Noisy => "learns like fast, and a coin decides three in ten of its outcomes",
+            Self::Correlated => "learns like fast, and the episodes of a group mostly end alike",
             Self::Hold => "never acts",
             Self::Blind => "follows a plan that ignores observations",
-            Self::Drops => "learns as slow, and reports half of its failures as lost",
+            Self::Drops => "learns like slow, and reports half of its failures as lost",
         }
     }
 

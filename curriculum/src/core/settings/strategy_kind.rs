@@ -69,8 +69,8 @@ impl StrategyKind {
             Self::Adr => "draws each param up to a bound that adapts to success",
             Self::Learnability => "repeats scenarios that succeed sometimes, beside fresh ones",
             Self::Plr => "repeats scenarios on which the agent falls short",
-            Self::PlrRobust => "as plr, but trains only on repeated scenarios",
-            Self::Accel => "as plr_robust, and edits the repeated scenarios",
+            Self::PlrRobust => "like plr, but trains only on repeated scenarios",
+            Self::Accel => "like plr_robust, and edits the repeated scenarios",
             Self::AlpGmm => "samples params where success has been changing",
         }
     }
