@@ -9,6 +9,7 @@ use serde::Serialize;
 use store::step_verdicts::{self, StepScores};
 
 use super::output::{self, Column, JsonFlag, Report, TextTable};
+use super::run_names::find_stored_run;
 use llm_policy::judging::agreement::{Agreement, Band, ScorePair};
 
 /// Measure how well a judging language model agrees with the deterministic judge.
@@ -22,13 +23,13 @@ database at the same time.
 
 Examples:
   sparring judge-agreement
-  sparring judge-agreement --db training.sqlite3 --run run-1a2b3c4d
+  sparring judge-agreement --db training.sqlite3 --run baseline
   sparring judge-agreement --json")]
 pub struct Args {
     /// Path of the SQLite database of the server that judged
     #[arg(long, default_value = "sparring.sqlite3", value_name = "PATH", env = "SPARRING_DB")]
     db: PathBuf,
-    /// Compare only the steps of this run
+    /// Compare only the steps of this run, by id, prefix or name
     #[arg(long, value_name = "RUN")]
     run: Option<String>,
     #[command(flatten)]
@@ -80,7 +81,11 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let rows = runtime.block_on(async {
         let readers = store::open_current_readers(&args.db).await?;
         let mut connection = readers.acquire().await?;
-        anyhow::Ok(step_verdicts::scores(&mut connection, args.run.as_deref()).await?)
+        let run = match &args.run {
+            None => None,
+            Some(run) => Some(find_stored_run(&mut connection, Some(run)).await?),
+        };
+        anyhow::Ok(step_verdicts::scores(&mut connection, run.as_deref()).await?)
     })?;
     if rows.is_empty() {
         let of = args.run.as_ref().map_or_else(String::new, |run| format!(" of {run}"));

@@ -1,7 +1,7 @@
 //! Subcommands of `sparring` that do not contain the service: one file or folder each, with `Args` and `run`. They work offline
 //! or are clients of a server.
 //!
-//! [`llm_args`], [`names`] and [`options`] have arguments that several subcommands share; [`api`] is the client of the service;
+//! [`llm_args`], [`names`], [`run_names`] and [`options`] have arguments that several subcommands share; [`api`] is the client of the service;
 //! [`output`], [`logs`], [`interrupt`], [`plot`] and [`worlds`] are shared helpers. The crate `cli` has the subcommands that
 //! start the service or open its database.
 
@@ -21,6 +21,7 @@ pub mod output;
 pub mod play;
 pub mod plot;
 pub mod replay;
+pub mod run_names;
 pub mod runs;
 pub mod simulate;
 pub mod status;

@@ -1,5 +1,7 @@
 //! Names that users type: tasks, and suggestions for names that do not exist.
 
+use std::collections::BTreeSet;
+
 use env_core::TaskSpec;
 
 /// Smallest similarity (Jaro–Winkler) of a suggestion.
@@ -49,7 +51,10 @@ pub fn parse_task(name: &str) -> Result<String, String> {
 /// Returns ` (did you mean …?)` with the known names that are similar, the most similar first, or an empty string.
 pub fn suggest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
     let lower = name.to_lowercase();
+    // A run may have its id as its name.
+    let known: BTreeSet<&str> = known.collect();
     let mut near: Vec<(f64, &str)> = known
+        .into_iter()
         .map(|known| (strsim::jaro_winkler(&lower, &known.to_lowercase()), known))
         .filter(|(similarity, _)| *similarity >= MIN_SIMILARITY)
         .collect();

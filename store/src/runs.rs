@@ -54,6 +54,17 @@ macro_rules! query_runs {
     };
 }
 
+/// Id and name of a run.
+#[derive(Debug, Clone)]
+pub struct RunNameRow {
+    /// Id of the run.
+    pub id: String,
+    /// Name that is displayed.
+    pub name: String,
+    /// True if the run is archived.
+    pub is_archived: bool,
+}
+
 /// Position of a run in the order of creation.
 #[derive(Debug, Clone, Copy)]
 pub struct RunCursor<'a> {
@@ -170,14 +181,18 @@ pub async fn page_with_tag(
     .await?)
 }
 
-/// Reads the ids of all runs, in order of creation.
+/// Reads the ids and names of all runs, in order of creation.
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if the query fails.
-pub async fn ids(conn: &mut SqliteConnection) -> Result<Vec<String>, StoreError> {
-    Ok(sqlx::query_scalar!("SELECT id FROM runs WHERE deleted_at IS NULL ORDER BY created_at, id")
-        .fetch_all(conn)
-        .await?)
+pub async fn names(conn: &mut SqliteConnection) -> Result<Vec<RunNameRow>, StoreError> {
+    Ok(sqlx::query_as!(
+        RunNameRow,
+        r#"SELECT id, name, archived_at IS NOT NULL AS "is_archived!: bool" FROM runs
+           WHERE deleted_at IS NULL ORDER BY created_at, id"#
+    )
+    .fetch_all(conn)
+    .await?)
 }
 
 /// Pauses, resumes or archives a run.

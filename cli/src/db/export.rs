@@ -14,6 +14,7 @@ use store::{compacted_leases, curriculum, episodes, groups, leases, runs};
 use super::lines::{self, ExportLine};
 use super::open_readers;
 use commands::output::{self, Report};
+use commands::run_names::find_stored_run;
 
 /// Export a database as JSON lines (NDJSON), each with its kind: run, move, layout, claim or episode.
 #[derive(Debug, clap::Args)]
@@ -23,10 +24,10 @@ episodes, and claims in columns. Episodes older than the run's retention have `r
 scenario. The file is written completely or not at all.
 
 Examples:
-  sparring db export --run run-1a2b3c4d > run.ndjson
+  sparring db export --run baseline > run.ndjson
   sparring db export --actions --out everything.ndjson")]
 pub(super) struct Args {
-    /// Export only the run with this id
+    /// Export only this run, by id, prefix or name
     #[arg(long, value_name = "RUN")]
     run: Option<String>,
     /// Include the scenario and the actions of each episode that has not expired; they are most of a database
@@ -44,13 +45,10 @@ pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
     let open_readers = open_readers(db).await?;
     let mut moment = open_readers.begin().await?;
     let conn = &mut *moment;
-    let mut ids = runs::ids(conn).await?;
-    if let Some(run) = &args.run {
-        ids.retain(|id| id == run);
-        if ids.is_empty() {
-            bail!("there is no run {run:?} in {}; `sparring db info` lists the runs", db.display());
-        }
-    }
+    let ids = match &args.run {
+        Some(run) => vec![find_stored_run(conn, Some(run)).await?],
+        None => runs::names(conn).await?.into_iter().map(|run| run.id).collect(),
+    };
     match &args.out {
         None => {
             let mut sink = LineSink {

@@ -29,7 +29,7 @@ Examples:
   sparring db check --replay 1000
   sparring db backup /backups/sparring-$(date +%F).sqlite3
   sparring db vacuum
-  sparring db export --run run-1a2b3c4d | \\
+  sparring db export --run baseline | \\
       jq -c 'select(.kind == \"episode\") | [.task, .level, .success]'")]
 pub struct Args {
     #[command(flatten)]

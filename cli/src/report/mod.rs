@@ -11,11 +11,11 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context;
-use store::ids::RunId;
 
 use super::db::{DatabaseArgs, open_readers};
 use clock::Clock;
 use commands::output;
+use commands::run_names::find_stored_run;
 
 /// Write the report of a run as one self-contained HTML file.
 ///
@@ -24,12 +24,13 @@ use commands::output;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
-  sparring report run-1a2b3c4d --out report.html
+  sparring report
+  sparring report baseline --out baseline.html
   sparring report mine --out /srv/www/mine.html \\
       --db /var/lib/sparring/sparring.sqlite3")]
 pub struct Args {
-    /// Id of the run; `sparring db info` lists them
-    run: RunId,
+    /// Run of the report, by id, prefix or name [default: the only run]
+    run: Option<String>,
     #[command(flatten)]
     database: DatabaseArgs,
     /// Path of the report; an existing file is overwritten
@@ -44,19 +45,20 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     output::check_folder_exists(Some(&args.out))?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let report = runtime.block_on(async {
+    let (run, report) = runtime.block_on(async {
         let open_readers = open_readers(&args.database.db).await?;
         let mut conn = open_readers.acquire().await?;
-        gather::gather(&mut conn, args.run.as_str(), Clock::system().now()).await
+        let run = find_stored_run(&mut conn, args.run.as_deref()).await?;
+        let report = gather::gather(&mut conn, &run, Clock::system().now()).await?;
+        anyhow::Ok((run, report))
     })?;
     let text = page::render(&report)?;
     std::fs::write(&args.out, &text).with_context(|| args.out.display().to_string())?;
     let kib = text.len().div_ceil(1024);
     output::print(&format!(
-        "{}: {} episodes of {} on one page of {kib} KiB",
+        "{}: {} episodes of {run} on one page of {kib} KiB",
         args.out.display(),
         report.episodes,
-        args.run
     ))?;
     Ok(ExitCode::SUCCESS)
 }

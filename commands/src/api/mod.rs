@@ -1,10 +1,10 @@
 //! Client of the service for subcommands: requests, runs by name, and the event stream.
 //!
-//! [`connection`] finds the server that the command line means, [`run_names`] finds runs, [`event_stream`] reads events.
+//! [`connection`] finds the server that the command line means, [`run_list`] finds runs, [`event_stream`] reads events.
 
 mod connection;
 mod event_stream;
-mod run_names;
+mod run_list;
 
 use std::time::{Duration, Instant};
 
@@ -18,7 +18,7 @@ use serde::de::DeserializeOwned;
 
 pub use self::connection::{Connection, OwnService, ServerArgs, StartService, StartedService};
 pub use self::event_stream::{EventStream, StreamedEvent};
-pub use self::run_names::{find_run, list_runs};
+pub use self::run_list::{find_run, list_runs};
 
 /// Environment variable with the access token. A token is never an argument, because other users see arguments.
 pub const TOKEN_VARIABLE: &str = "SPARRING_TOKEN";

@@ -94,6 +94,8 @@ fn assert_export_is_complete(file: &Path, out: &Path) {
     }
     let piped = db(file, &["export"]).stdout;
     assert_eq!(String::from_utf8(piped).unwrap().lines().count(), lines.len());
+    let by_prefix = db(file, &["export", "--run", "ru"]).stdout;
+    assert_eq!(String::from_utf8(by_prefix).unwrap().lines().count(), lines.len());
     assert_output(&db(file, &["export", "--run", "unknown"]), 2, "there is no run \"unknown\"");
 }
 

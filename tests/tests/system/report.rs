@@ -27,6 +27,11 @@ async fn report_is_one_self_contained_page() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("report.html");
     let (db, out_arg) = (server.db_path().display().to_string(), out.display().to_string());
+    // The run by its name, and without a name because it is the only one.
+    for run in [&[HTML_NAME][..], &[]] {
+        let output = report(&[run, &["--db", &db, "--out", &out_arg]].concat());
+        assert!(output.status.success(), "{output:?}");
+    }
     let output = report(&["run", "--db", &db, "--out", &out_arg]);
     assert!(output.status.success(), "{output:?}");
     assert!(String::from_utf8_lossy(&output.stdout).contains("96 episodes of run"), "{output:?}");
@@ -59,10 +64,10 @@ async fn report_explains_invalid_arguments() {
     let (db, out) =
         (server.db_path().display().to_string(), folder.path().join("r.html").display().to_string());
     for (args, text) in [
-        (vec!["unknown", "--db", &db, "--out", &out], "there is no run unknown"),
+        (vec!["unknown", "--db", &db, "--out", &out], "there is no run \"unknown\""),
         (vec!["young", "--db", "/nowhere/x.sqlite3", "--out", &out], "/nowhere/x.sqlite3"),
         (vec!["young", "--db", &db, "--out", "/nowhere/r.html"], "there is no folder /nowhere"),
-        (vec!["NOT AN ID", "--db", &db, "--out", &out], "NOT AN ID"),
+        (vec!["yuong", "--db", &db, "--out", &out], "did you mean young?"),
     ] {
         let output = report(&args);
         let stderr = String::from_utf8_lossy(&output.stderr);

@@ -137,10 +137,13 @@ async fn model_verdicts_are_cached_and_stored() {
     assert!(stored.iter().all(|row| row.rule_score.is_some()));
     assert_eq!(stored[1].rule_case.as_deref(), Some("unnecessary_burn"));
     // The agreement between rules and model.
-    let agreement = |flags: &[&str]| {
+    let command = |flags: &[&str]| {
         let mut command = std::process::Command::new(sparring_binary());
         command.env_remove("SPARRING_LOG").arg("judge-agreement").arg("--db").arg(server.db_path());
-        let output = command.args(flags).output().unwrap();
+        command.args(flags).output().unwrap()
+    };
+    let agreement = |flags: &[&str]| {
+        let output = command(flags);
         assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
         String::from_utf8(output.stdout).unwrap()
     };
@@ -148,6 +151,9 @@ async fn model_verdicts_are_cached_and_stored() {
     assert_eq!((&report["verdicts"], &report["unanswered"]), (&json!(6), &json!(0)));
     assert_eq!(report["agreement"][0]["bands"], json!([[0, 0, 0], [0, 0, 0], [2, 0, 4]]));
     assert!(agreement(&[]).contains("unnecessary burn"));
+    let unknown = command(&["--run", "unknown"]);
+    assert_eq!(unknown.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&unknown.stderr).contains("there is no run \"unknown\""), "{unknown:?}");
 }
 
 /// A run may set its own judge. The reported score of its episodes is the world's, not the judged one.
