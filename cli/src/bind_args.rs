@@ -2,6 +2,9 @@
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs};
 
+use clap::ArgMatches;
+use clap::parser::ValueSource;
+
 /// Host of a bind address without a host.
 const DEFAULT_HOST: IpAddr = IpAddr::V4(Ipv4Addr::LOCALHOST);
 /// Port of a bind address without a port.
@@ -13,73 +16,94 @@ pub struct BindArgs {
     /// Address to listen on, as HOST:PORT, HOST or PORT. An address that other machines can reach needs a token
     /// (`sparring token create`) or --openenv-public
     #[arg(long, default_value = "127.0.0.1:8700", value_name = "ADDRESS", env = "SPARRING_BIND", value_parser = parse_bind)]
-    bind: SocketAddr,
+    bind: BindAddress,
     /// Port to listen on, in place of the port of --bind; 0 means a free port
     #[arg(long, value_name = "PORT", env = "SPARRING_PORT")]
+    port: Option<u16>,
+}
+
+/// Parsed value of `--bind`.
+#[derive(Debug, Clone, Copy)]
+struct BindAddress {
+    host: IpAddr,
+    /// Port, if the value has one.
     port: Option<u16>,
 }
 
 impl BindArgs {
     /// Returns the address to listen on.
     pub(super) fn address(&self) -> SocketAddr {
-        let mut address = self.bind;
-        if let Some(port) = self.port {
-            address.set_port(port);
+        SocketAddr::new(self.bind.host, self.port.or(self.bind.port).unwrap_or(DEFAULT_PORT))
+    }
+
+    /// Drops the value of `--port` if the port of `--bind` has precedence: a flag before a variable, a variable before the
+    /// configuration file.
+    pub(super) fn apply_precedence(&mut self, matches: &ArgMatches) {
+        let rank = |name| match matches.value_source(name) {
+            Some(ValueSource::CommandLine) => 2,
+            Some(ValueSource::EnvVariable) => 1,
+            // Values of the configuration file are defaults for clap.
+            _ => 0,
+        };
+        if self.bind.port.is_some() && rank("bind") > rank("port") {
+            self.port = None;
         }
-        address
     }
 }
 
 /// Parses `HOST:PORT`, `HOST`, `:PORT` or `PORT`. A host is an IP address or a name such as `localhost`.
-fn parse_bind(text: &str) -> Result<SocketAddr, String> {
+fn parse_bind(text: &str) -> Result<BindAddress, String> {
     let expected =
         || format!("{text:?} is no address: use HOST:PORT such as localhost:8700, a host, or a port");
     if let Ok(address) = text.parse::<SocketAddr>() {
-        return Ok(address);
+        return Ok(BindAddress { host: address.ip(), port: Some(address.port()) });
     }
     if let Ok(port) = text.strip_prefix(':').unwrap_or(text).parse::<u16>() {
-        return Ok(SocketAddr::new(DEFAULT_HOST, port));
+        return Ok(BindAddress { host: DEFAULT_HOST, port: Some(port) });
     }
     // The system would resolve a number as an IPv4 address.
     if text.chars().all(|c| c.is_ascii_digit()) {
         return Err(format!("{text:?} is no port: a port is 0 to 65535"));
     }
     if let Ok(host) = text.trim_matches(['[', ']']).parse::<IpAddr>() {
-        return Ok(SocketAddr::new(host, DEFAULT_PORT));
+        return Ok(BindAddress { host, port: None });
     }
     let (host, port) = match text.rsplit_once(':') {
-        Some((host, port)) => (host, port.parse().map_err(|_| expected())?),
-        None => (text, DEFAULT_PORT),
+        Some((host, port)) => (host, Some(port.parse().map_err(|_| expected())?)),
+        None => (text, None),
     };
     if host.is_empty() {
         return Err(expected());
     }
-    let found =
-        (host, port).to_socket_addrs().map_err(|error| format!("host {host:?} is unknown: {error}"))?;
+    let found = (host, DEFAULT_PORT)
+        .to_socket_addrs()
+        .map_err(|error| format!("host {host:?} is unknown: {error}"))?;
     // A name such as localhost may have an IPv6 and an IPv4 address. Clients try IPv4 addresses in any case.
     let mut found: Vec<SocketAddr> = found.collect();
     found.sort_by_key(SocketAddr::is_ipv6);
-    found.first().copied().ok_or_else(expected)
+    found.first().map(|address| BindAddress { host: address.ip(), port }).ok_or_else(expected)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn address(bind: &str, port: Option<u16>) -> String {
+        BindArgs { bind: parse_bind(bind).unwrap(), port }.address().to_string()
+    }
+
     #[test]
     fn addresses_are_parsed_in_all_spellings() {
-        let parsed = |text| parse_bind(text).unwrap().to_string();
         for text in ["127.0.0.1:8700", "8700", ":8700", "localhost:8700", "localhost", "127.0.0.1"] {
-            assert_eq!(parsed(text), "127.0.0.1:8700", "{text}");
+            assert_eq!(address(text, None), "127.0.0.1:8700", "{text}");
         }
-        assert_eq!(parsed("0.0.0.0"), "0.0.0.0:8700");
-        assert_eq!(parsed("[::1]:9000"), "[::1]:9000");
-        assert_eq!(parsed("::1"), "[::1]:8700");
-        assert_eq!(parsed("0"), "127.0.0.1:0");
+        assert_eq!(address("0.0.0.0", None), "0.0.0.0:8700");
+        assert_eq!(address("[::1]:9000", None), "[::1]:9000");
+        assert_eq!(address("::1", None), "[::1]:8700");
+        assert_eq!(address("0", None), "127.0.0.1:0");
         for wrong in ["", ":", "localhost:", "localhost:port", "70000", "127.0.0.1:70000"] {
             assert!(parse_bind(wrong).is_err(), "{wrong}");
         }
-        let args = BindArgs { bind: parse_bind("0.0.0.0:1").unwrap(), port: Some(2) };
-        assert_eq!(args.address().to_string(), "0.0.0.0:2");
+        assert_eq!(address("0.0.0.0:1", Some(2)), "0.0.0.0:2");
     }
 }

@@ -27,10 +27,10 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{ArgMatches, Parser, Subcommand};
 
 use commands::logs::LogArgs;
-use commands::output::OutputTarget;
+use commands::output::{OutputTarget, error_text};
 use commands::{
     agreement, bench, critique, design, eval, interrupt, play, replay, runs, simulate, status, suite, tail,
 };
@@ -92,6 +92,15 @@ enum Command {
     Man(man::Args),
 }
 
+impl Cli {
+    /// Settles which of two flags applies, by the sources of their values.
+    fn apply_precedence(&mut self, matches: &ArgMatches) {
+        if let (Command::Serve(args), Some((_, matches))) = (&mut self.command, matches.subcommand()) {
+            args.apply_precedence(matches);
+        }
+    }
+}
+
 impl Command {
     /// Returns the default log level. The demo and `play` print their own progress, so they log less.
     const fn default_log_level(&self) -> &'static str {
@@ -144,7 +153,8 @@ pub fn main() -> ExitCode {
         cli.command.run(&file)
     });
     ended.unwrap_or_else(|error| {
-        let text = OutputTarget::stderr().wrap(&without_os_codes(&format!("sparring: {error:#}")), "  ");
+        let text = OutputTarget::stderr()
+            .wrap(&without_os_codes(&format!("sparring: {}", error_text(&error))), "  ");
         // If stderr is closed too, only the exit code reports the error.
         let _ = writeln!(std::io::stderr().lock(), "{text}");
         ExitCode::from(ERROR_EXIT_CODE)

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use anyhow::Context;
 
+use commands::files;
 use commands::output;
 
 use super::config;
@@ -28,9 +29,10 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     match &args.out {
         Some(folder) => {
-            std::fs::create_dir_all(folder).with_context(|| format!("--out {}", folder.display()))?;
+            files::create_folder(folder).context("--out")?;
             clap_mangen::generate_to(config::definition(), folder)
-                .with_context(|| format!("--out {}", folder.display()))?;
+                .map_err(|error| files::write_fault(folder, &error))
+                .context("--out")?;
         }
         None => {
             let mut page = Vec::new();

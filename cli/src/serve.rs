@@ -106,6 +106,13 @@ impl ClientLimitArgs {
     }
 }
 
+impl Args {
+    /// Settles which of two flags applies, by the sources of their values.
+    pub(super) fn apply_precedence(&mut self, matches: &clap::ArgMatches) {
+        self.bind.apply_precedence(matches);
+    }
+}
+
 /// Runs the service until a signal, the end of stdin, or a failure of the writer stops it.
 ///
 /// # Errors
@@ -136,15 +143,15 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         // Programs that start a server read the first line to learn its port.
         output::print(&url_lines(&service, args.openenv_public))?;
         tracing::info!(db = %db.display(), url = %service.url(), "The server started; Ctrl-C stops it.");
-        tokio::select! {
-            signal = stop.received() => signal?,
-            () = stdin_ends(), if args.while_stdin => {}
+        let exit_code = tokio::select! {
+            signal = stop.received() => signal?.exit_code(),
+            () = stdin_ends(), if args.while_stdin => ExitCode::SUCCESS,
             () = service.writer_failed() => anyhow::bail!("the database writer failed, so the server stopped; the log has the reason"),
-        }
+        };
         tracing::info!("The server is stopping.");
         service.stop().await;
         tracing::info!("The server stopped.");
-        Ok(ExitCode::SUCCESS)
+        Ok(exit_code)
     });
     // Scenarios in preparation are dropped; the next start prepares them again.
     runtime.shutdown_background();

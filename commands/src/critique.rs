@@ -14,6 +14,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::output::{Column, JsonFlag, Report, TextTable, print_json, print_report};
+use crate::files;
 use env_core::frames::{FrameContent, FrameRange, frames};
 use strict_input::InputError;
 
@@ -94,7 +95,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
                 path.display()
             );
         }
-        write_frames(&scenario, &log, path).with_context(|| path.display().to_string())?;
+        write_frames(&scenario, &log, path)?;
     }
     let report = CritiqueReport {
         critique: scenario.task().critique(&scenario, &log)?,
@@ -114,17 +115,18 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 fn write_frames(scenario: &Scenario, log: &ActionLog, path: &Path) -> anyhow::Result<()> {
     // A file has no size limit; only HTTP responses are bounded.
     let frames = frames(scenario, log, FrameContent::Telemetry, FrameRange::all(usize::MAX))?;
-    let mut out = BufWriter::new(File::create(path).context("it cannot be written")?);
+    let fault = |error: std::io::Error| files::write_fault(path, &error);
+    let mut out = BufWriter::new(File::create(path).map_err(fault)?);
     for frame in frames {
-        serde_json::to_writer(&mut out, &frame).context("it cannot be written")?;
-        out.write_all(b"\n").context("it cannot be written")?;
+        serde_json::to_writer(&mut out, &frame).map_err(|error| fault(error.into()))?;
+        out.write_all(b"\n").map_err(fault)?;
     }
-    out.flush().context("it cannot be written")
+    out.flush().map_err(fault)
 }
 
 fn read(path: &Path) -> anyhow::Result<Value> {
-    let text = std::fs::read_to_string(path).with_context(|| format!("{} cannot be read", path.display()))?;
-    strict_input::parse_json(text.as_bytes()).map_err(|error| match error {
+    let text = files::read(path)?;
+    strict_input::parse_json(&text).map_err(|error| match error {
         InputError::Malformed(why) => anyhow!("{} is not JSON: {why}", path.display()),
         InputError::DuplicateKey(fault) => anyhow!("{}: {fault}", path.display()),
     })

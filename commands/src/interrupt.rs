@@ -1,6 +1,7 @@
 //! Signals that stop the process: at once, with the terminal restored, or after the subcommand has finished its work.
 
 use std::io::{IsTerminal, Write};
+use std::process::ExitCode;
 
 use anyhow::Context;
 
@@ -55,16 +56,33 @@ impl StopSignal {
     ///
     /// # Errors
     /// Returns an error if signals cannot be received.
-    pub async fn received(&mut self) -> std::io::Result<()> {
+    pub async fn received(&mut self) -> std::io::Result<StopRequest> {
         #[cfg(unix)]
-        {
-            tokio::select! {
-                _ = self.interrupt.recv() => {}
-                _ = self.terminate.recv() => {}
-            }
-            Ok(())
+        tokio::select! {
+            _ = self.interrupt.recv() => Ok(StopRequest::Interrupt),
+            _ = self.terminate.recv() => Ok(StopRequest::Terminate),
         }
         #[cfg(not(unix))]
-        tokio::signal::ctrl_c().await
+        tokio::signal::ctrl_c().await.map(|()| StopRequest::Interrupt)
+    }
+}
+
+/// Signal that asked the process to stop.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StopRequest {
+    /// SIGINT, which Ctrl-C sends.
+    Interrupt,
+    /// SIGTERM, with which service managers stop a process.
+    Terminate,
+}
+
+impl StopRequest {
+    /// Exit code of a process that stopped in good order: [`INTERRUPTED`] after Ctrl-C, 0 after SIGTERM.
+    #[must_use]
+    pub fn exit_code(self) -> ExitCode {
+        match self {
+            Self::Interrupt => ExitCode::from(INTERRUPTED),
+            Self::Terminate => ExitCode::SUCCESS,
+        }
     }
 }

@@ -2,7 +2,7 @@
 //! or are clients of a server.
 //!
 //! [`llm_args`], [`names`], [`run_names`] and [`options`] have arguments that several subcommands share; [`api`] is the client of the service;
-//! [`output`], [`logs`], [`interrupt`], [`plot`] and [`worlds`] are shared helpers. The crate `cli` has the subcommands that
+//! [`files`], [`output`], [`logs`], [`interrupt`], [`plot`] and [`worlds`] are shared helpers. The crate `cli` has the subcommands that
 //! start the service or open its database.
 
 pub mod agreement;
@@ -12,6 +12,7 @@ pub mod critique;
 pub mod demo;
 pub mod design;
 pub mod eval;
+pub mod files;
 pub mod interrupt;
 pub mod llm_args;
 pub mod logs;

@@ -12,6 +12,7 @@ use serde_json::Value;
 
 use super::output::{self, Column, JsonFlag, Report, TextTable};
 use super::worlds;
+use crate::files;
 
 /// Replay recorded episodes and compare every number.
 ///
@@ -143,7 +144,7 @@ fn compare_files(args: &Args) -> Comparisons {
     for path in &args.files {
         match compare_file(path, args.tolerance) {
             Ok(found) => judged.push(found),
-            Err(error) => faults.push(format!("{}: {error:#}", path.display())),
+            Err(error) => faults.push(output::error_text(&error)),
         }
     }
     let verdict = if !faults.is_empty() {
@@ -162,11 +163,15 @@ fn compare_files(args: &Args) -> Comparisons {
 /// Returns an error if the file cannot be read, is empty, or belongs to no known world.
 fn compare_file(path: &Path, tolerance: f64) -> anyhow::Result<FileComparison> {
     let recording = read(path)?;
+    compare_recording(&recording, path, tolerance).with_context(|| path.display().to_string())
+}
+
+fn compare_recording(recording: &Value, path: &Path, tolerance: f64) -> anyhow::Result<FileComparison> {
     let none = |value: &Value| value.as_array().is_some_and(Vec::is_empty);
     ensure!(!recording.get("episodes").is_some_and(none), "it holds no episodes");
     let file = path.display().to_string();
     for world in env_core::worlds() {
-        if let Some(compared) = world.compare_recording(&recording, tolerance) {
+        if let Some(compared) = world.compare_recording(recording, tolerance) {
             let compared = compared?;
             ensure!(compared.episodes > 0, "it holds no episodes");
             return Ok(FileComparison { file, world: World::name(world), compared });
@@ -177,17 +182,21 @@ fn compare_file(path: &Path, tolerance: f64) -> anyhow::Result<FileComparison> {
 
 /// Reads a JSON file and unpacks it if it has a gzip header, regardless of its name.
 fn read(path: &Path) -> anyhow::Result<Value> {
-    let bytes = std::fs::read(path).context("it cannot be read")?;
+    let bytes = files::read(path)?;
     let unpacked = if bytes.starts_with(&[0x1f, 0x8b]) {
         let mut unpacked = Vec::new();
         let reader = flate2::read::MultiGzDecoder::new(&bytes[..]);
-        reader.take(MAX_RECORDING_BYTES + 1).read_to_end(&mut unpacked).context("it cannot be unpacked")?;
+        reader
+            .take(MAX_RECORDING_BYTES + 1)
+            .read_to_end(&mut unpacked)
+            .map_err(|error| anyhow!("{} cannot be unpacked: {error}", path.display()))?;
         unpacked
     } else {
         bytes
     };
-    ensure!(unpacked.len() as u64 <= MAX_RECORDING_BYTES, "it is larger than {MAX_RECORDING_BYTES} bytes");
-    serde_json::from_slice(&unpacked).context("it is not JSON")
+    let size = unpacked.len() as u64;
+    ensure!(size <= MAX_RECORDING_BYTES, "{} is larger than {MAX_RECORDING_BYTES} bytes", path.display());
+    serde_json::from_slice(&unpacked).map_err(|error| anyhow!("{} is not JSON: {error}", path.display()))
 }
 
 /// Builds one table per file with one row per quantity, then the differences of single files.

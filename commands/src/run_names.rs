@@ -59,7 +59,7 @@ fn only_run<R: NamedRun>(runs: &[R]) -> anyhow::Result<usize> {
     match current.as_slice() {
         [one] => Ok(*one),
         [] => bail!("there are no runs; `sparring runs create` creates one"),
-        several => bail!("name a run: {}", describe(runs, several)),
+        several => bail!("there are several runs; name one: {}", describe(runs, several)),
     }
 }
 
@@ -75,7 +75,7 @@ fn position<R: NamedRun>(runs: &[R], wanted: &str) -> anyhow::Result<usize> {
             let known = runs.iter().flat_map(|run| [run.id(), run.name()]);
             bail!("there is no run {wanted:?}{}; `sparring runs list` lists all", suggest(wanted, known))
         }
-        several => bail!("several runs match {wanted:?}: {}", describe(runs, several)),
+        several => bail!("several runs match {wanted:?}; name one by its id: {}", describe(runs, several)),
     }
 }
 
@@ -137,6 +137,6 @@ mod tests {
         let none = select(vec![Run("a", "x", true)], None).unwrap_err();
         assert!(none.contains("runs create"), "{none}");
         let several = vec![Run("a", "x", false), Run("b", "y", false)];
-        assert_eq!(select(several, None), Err("name a run: b (y), a (x)".to_owned()));
+        assert_eq!(select(several, None), Err("there are several runs; name one: b (y), a (x)".to_owned()));
     }
 }

@@ -98,13 +98,13 @@ fn report(status: &ServerStatus) -> Report {
     }
     let mut table = TextTable::new([
         Column::text("run"),
-        Column::text("name").optional(2),
+        Column::text("name").optional(1),
         Column::text("status"),
         Column::number("episodes"),
         Column::number("episodes/s"),
-        Column::number("active leases").optional(3),
+        Column::number("active leases").optional(2),
         Column::prose("levels"),
-        Column::text("latest event").optional(1),
+        Column::text("latest event").optional(3),
     ]);
     for RunStatusLine { run, overview } in &status.runs {
         table.add_row([

@@ -1,12 +1,19 @@
 //! `sparring tail`: prints the events of a run as they happen.
 
+use std::collections::VecDeque;
 use std::process::ExitCode;
+use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
 use crate::api::{Connection, ServerArgs, StartService};
 use crate::api::{EventStream, StreamedEvent, find_run};
-use crate::output;
+use crate::output::{self, OutputTarget};
+
+/// Largest number of past events that a server sends.
+const MAX_PAST: u32 = 1000;
+/// Longest time to wait for past events.
+const MAX_PAST_TIME: Duration = Duration::from_secs(3);
 
 /// Print the events of a run as they happen, until Ctrl-C.
 #[derive(Debug, clap::Args)]
@@ -23,8 +30,8 @@ pub struct Args {
     /// Run whose events to print [default: the only run]
     #[arg(value_name = "RUN")]
     run: Option<String>,
-    /// Number of past events to begin with
-    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(0..=1000))]
+    /// Number of past events to begin with, of the kinds of --kind
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(0..=i64::from(MAX_PAST)))]
     last: u32,
     /// Kinds of events to print, separated by commas [default: all]
     #[arg(long = "kind", value_name = "KIND", value_delimiter = ',',
@@ -56,36 +63,98 @@ pub fn run(args: &Args, start: StartService) -> anyhow::Result<ExitCode> {
 
 async fn follow(connection: &Connection, args: &Args) -> anyhow::Result<()> {
     let run = find_run(&connection.api, args.run.as_deref()).await?.id;
-    let mut events = EventStream::open(&connection.api, &run, args.last).await?;
+    let last = if args.kinds.is_empty() { args.last } else { MAX_PAST };
+    let mut events = EventStream::open(&connection.api, &run, last).await?;
+    let format = if args.json { LineFormat::Json } else { LineFormat::Text(OutputTarget::stdout()) };
+    let is_piped = format == LineFormat::Text(OutputTarget::Piped);
+    if is_piped && !output::print_unless_closed("at\tkind\tevent")? {
+        return Ok(());
+    }
+    let mut past =
+        if args.kinds.is_empty() { VecDeque::new() } else { args.last_of_kinds(&mut events).await? };
     // Without a server nothing more will happen.
     let ends = args.no_follow || !connection.is_server();
     loop {
-        let Some(event) = (if ends { events.next_past().await? } else { Some(events.next().await?) }) else {
-            return Ok(());
+        let event = match past.pop_front() {
+            Some(event) => event,
+            None if ends => match events.next_past().await? {
+                Some(event) => event,
+                None => return Ok(()),
+            },
+            None => events.next().await?,
         };
-        let is_wanted = args.kinds.is_empty() || args.kinds.contains(&event.kind) || event.kind == "gap";
-        if is_wanted && !output::print_unless_closed(&line(&event, args.json))? {
+        if args.is_wanted(&event) && !output::print_unless_closed(&format.line(&event))? {
             return Ok(());
         }
-        if event.kind == "run" && event.data["state"] == "deleted" {
+        if is_deletion(&event) {
             return Ok(()); // the server closes the stream
         }
     }
 }
 
-/// Formats an event as one line.
-fn line(event: &StreamedEvent, json: bool) -> String {
-    if json {
-        return serde_json::json!({"id": event.id, "kind": event.kind, "data": event.data}).to_string();
+impl Args {
+    fn is_wanted(&self, event: &StreamedEvent) -> bool {
+        self.kinds.is_empty() || self.kinds.contains(&event.kind) || event.kind == "gap"
     }
-    let at = event.data["at"].as_str().unwrap_or("–");
-    format!("{at}  {:<8}  {}", event.kind, describe(&event.kind, &event.data))
+
+    /// Reads the past events, and returns the last ones of the wanted kinds, as many as `--last` says.
+    async fn last_of_kinds(&self, events: &mut EventStream<'_>) -> anyhow::Result<VecDeque<StreamedEvent>> {
+        let mut found = VecDeque::new();
+        let begun = Instant::now();
+        for _ in 0..MAX_PAST {
+            // The events of a busy run never pause.
+            if begun.elapsed() > MAX_PAST_TIME {
+                break;
+            }
+            let Some(event) = events.next_past().await? else { break };
+            let ends = is_deletion(&event);
+            if self.is_wanted(&event) || ends {
+                found.push_back(event);
+            }
+            if ends {
+                break;
+            }
+            if found.len() > self.last as usize {
+                found.pop_front();
+            }
+        }
+        Ok(found)
+    }
+}
+
+fn is_deletion(event: &StreamedEvent) -> bool {
+    event.kind == "run" && event.data["state"] == "deleted"
+}
+
+/// Format of the printed events.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum LineFormat {
+    /// One JSON object per line.
+    Json,
+    /// Sentences that fit a terminal, or tab-separated values for a pipe.
+    Text(OutputTarget),
+}
+
+impl LineFormat {
+    /// Formats an event, without a line end.
+    fn line(self, event: &StreamedEvent) -> String {
+        let at = event.data["at"].as_str().unwrap_or("–");
+        let text = || describe(&event.kind, &event.data).replace(char::is_control, " ");
+        match self {
+            Self::Json => {
+                serde_json::json!({"id": event.id, "kind": event.kind, "data": event.data}).to_string()
+            }
+            Self::Text(OutputTarget::Piped) => format!("{at}\t{}\t{}", event.kind, text()),
+            Self::Text(terminal) => terminal.wrap(&format!("{at}  {:<8}  {}", event.kind, text()), "  "),
+        }
+    }
 }
 
 /// Describes the content of an event.
 fn describe(kind: &str, data: &Value) -> String {
     let text = |name: &str| data[name].as_str().unwrap_or_default().to_owned();
     let number = |name: &str| data[name].as_i64().unwrap_or_default();
+    let reason = |name: &str| data[name].as_str().map_or_else(String::new, |why| format!(": {why}"));
     match kind {
         "run" => text("state"),
         "lease" => format!(
@@ -113,12 +182,43 @@ fn describe(kind: &str, data: &Value) -> String {
         ),
         "move" => {
             let from = data["from"].as_i64().map_or_else(String::new, |from| format!(" from level {from}"));
-            let sentence = data["evidence"]["sentence"].as_str().unwrap_or_default();
-            format!("{}{from} to level {}: {sentence}", text("task"), number("to"))
+            let evidence = data["evidence"]["sentence"].as_str();
+            let evidence = evidence.map_or_else(String::new, |sentence| format!(": {sentence}"));
+            format!("{}{from} to level {}{evidence}", text("task"), number("to"))
         }
+        "claim" => format!(
+            "{}: {} episodes in columns {}{}",
+            text("lease"),
+            number("episodes"),
+            text("state"),
+            reason("reason")
+        ),
+        "failures" => format!(
+            "{}: failure analysis of {} episodes finished{}",
+            text("task"),
+            number("criticised"),
+            counts(&data["modes"])
+        ),
+        "design" => format!(
+            "{}: the designer {} finished request {}: {} layouts admitted, {} refused{}",
+            text("task"),
+            text("designer"),
+            text("request"),
+            number("admitted"),
+            number("refused"),
+            reason("error")
+        ),
         "warning" | "gap" => text("message"),
         _ => fields(data),
     }
+}
+
+/// Lists counts by failure mode, as " (6 collision, 2 wasted fuel)"; nothing if there are none.
+fn counts(modes: &Value) -> String {
+    let modes = modes.as_object().into_iter().flatten();
+    let words: Vec<String> =
+        modes.map(|(mode, count)| format!("{count} {}", mode.replace('_', " "))).collect();
+    if words.is_empty() { String::new() } else { format!(" ({})", words.join(", ")) }
 }
 
 /// Lists the fields of an event, as "task kessler/survival, admitted 3".
@@ -140,7 +240,8 @@ mod tests {
     #[test]
     fn events_are_one_line_each() {
         let event = |kind: &str, data: Value| {
-            line(&StreamedEvent { id: "7".to_owned(), kind: kind.to_owned(), data }, false)
+            let event = StreamedEvent { id: "7".to_owned(), kind: kind.to_owned(), data };
+            LineFormat::Text(OutputTarget::Terminal(80)).line(&event)
         };
         let at = "2026-11-26T10:00:00Z";
         insta::assert_snapshot!([
@@ -153,6 +254,9 @@ mod tests {
                 "evidence": {"sentence": "Two blocks passed."}})),
             event("move", json!({"at": at, "task": "kessler/survival", "from": null, "to": 3, "evidence": {}})),
             event("failures", json!({"at": at, "task": "kessler/survival", "criticised": 8, "modes": {"collision": 2}})),
+            event("claim", json!({"at": at, "lease": "lease_1-a", "state": "refused", "episodes": 64, "reason": "scores differ"})),
+            event("design", json!({"at": at, "task": "kessler/survival", "request": "design_1", "designer": "procedural",
+                "admitted": 3, "refused": 1})),
             event("gap", json!({"message": "events are missing"})),
         ].join("\n"));
     }

@@ -42,8 +42,22 @@ pub struct EvaluationId(pub i64);
 
 /// A text that is not an id.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct InvalidId(&'static str);
+#[error("{rule}, got {text:?}")]
+pub struct InvalidId {
+    /// The rule that the text breaks.
+    rule: &'static str,
+    /// The beginning of the text.
+    text: String,
+}
+
+impl InvalidId {
+    /// Largest number of characters of the text that the error shows.
+    const MAX_SHOWN_CHARS: usize = 80;
+
+    fn new(rule: &'static str, text: &str) -> Self {
+        Self { rule, text: text.chars().take(Self::MAX_SHOWN_CHARS).collect() }
+    }
+}
 
 impl RunId {
     /// The id as text.
@@ -61,7 +75,7 @@ impl FromStr for RunId {
         if (1..=64).contains(&text.len()) && text.chars().all(is_valid) {
             Ok(Self(text.to_owned()))
         } else {
-            Err(InvalidId("must be 1 to 64 characters of a-z, 0-9, - and _"))
+            Err(InvalidId::new("must be 1 to 64 characters of a-z, 0-9, - and _", text))
         }
     }
 }
@@ -85,14 +99,14 @@ impl FromStr for LeaseId {
     type Err = InvalidId;
 
     fn from_str(text: &str) -> Result<Self, InvalidId> {
-        let invalid = InvalidId("must be the id of a lease, such as 42-x7k2p9");
-        let (number, suffix) = text.split_once('-').ok_or_else(|| invalid.clone())?;
+        let invalid = || InvalidId::new("must be the id of a lease, such as 42-x7k2p9", text);
+        let (number, suffix) = text.split_once('-').ok_or_else(invalid)?;
         // A lease has one id: neither 042 nor +42 is a number of a lease.
         let is_canonical = |n: &i64| *n > 0 && n.to_string() == number;
-        let number = number.parse::<i64>().ok().filter(is_canonical).ok_or_else(|| invalid.clone())?;
+        let number = number.parse::<i64>().ok().filter(is_canonical).ok_or_else(invalid)?;
         let is_valid = suffix.len() == LEASE_SUFFIX_CHARS
             && suffix.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit());
-        if is_valid { Ok(Self { number, suffix: suffix.to_owned() }) } else { Err(invalid) }
+        if is_valid { Ok(Self { number, suffix: suffix.to_owned() }) } else { Err(invalid()) }
     }
 }
 
@@ -106,14 +120,14 @@ impl FromStr for EpisodeId {
     type Err = InvalidId;
 
     fn from_str(text: &str) -> Result<Self, InvalidId> {
-        let invalid = InvalidId("must be the id of an episode, such as ep_42-x7k2p9_3");
+        let invalid = || InvalidId::new("must be the id of an episode, such as ep_42-x7k2p9_3", text);
         let (lease, index) =
-            text.strip_prefix("ep_").and_then(|rest| rest.split_once('_')).ok_or_else(|| invalid.clone())?;
+            text.strip_prefix("ep_").and_then(|rest| rest.split_once('_')).ok_or_else(invalid)?;
         let index = index.parse::<i64>().ok().filter(|i| (0..1_000_000_000).contains(i));
         match (lease.parse(), index) {
             // An episode has one id: neither 00 nor +0 is an index.
             (Ok(lease), Some(index)) if text.ends_with(&format!("_{index}")) => Ok(Self { lease, index }),
-            _ => Err(invalid),
+            _ => Err(invalid()),
         }
     }
 }
@@ -135,7 +149,7 @@ impl FromStr for LayoutId {
 
     fn from_str(text: &str) -> Result<Self, InvalidId> {
         let number = parse_numbered(text, "layout");
-        number.map(Self).ok_or(InvalidId("must be the id of a layout, such as layout-7"))
+        number.map(Self).ok_or_else(|| InvalidId::new("must be the id of a layout, such as layout-7", text))
     }
 }
 
@@ -150,7 +164,9 @@ impl FromStr for DesignRequestId {
 
     fn from_str(text: &str) -> Result<Self, InvalidId> {
         let number = parse_numbered(text, "ask");
-        number.map(Self).ok_or(InvalidId("must be the id of a design request, such as ask-7"))
+        number
+            .map(Self)
+            .ok_or_else(|| InvalidId::new("must be the id of a design request, such as ask-7", text))
     }
 }
 
@@ -165,7 +181,9 @@ impl FromStr for EvaluationId {
 
     fn from_str(text: &str) -> Result<Self, InvalidId> {
         let number = parse_numbered(text, "eval");
-        number.map(Self).ok_or(InvalidId("must be the id of an evaluation, such as eval-7"))
+        number
+            .map(Self)
+            .ok_or_else(|| InvalidId::new("must be the id of an evaluation, such as eval-7", text))
     }
 }
 

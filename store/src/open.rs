@@ -194,7 +194,7 @@ async fn connect_readers(path: &Path, options: SqliteConnectOptions) -> Result<S
 /// Opens readers also on a medium that cannot be written, for example a read-only copy. Nothing can change it.
 async fn open_readers_on_any_medium(path: &Path) -> Result<SqlitePool, OpenError> {
     match open_readers(path).await {
-        Err(OpenError::NoFolder(_) | OpenError::ReadOnly(_)) if path.is_file() && !has_log(path) => {
+        Err(OpenError::CannotOpen(_) | OpenError::ReadOnly(_)) if path.is_file() && !has_log(path) => {
             let immutable = options(path)?.read_only(true).immutable(true);
             connect_readers(path, immutable.journal_mode(SqliteJournalMode::Off)).await
         }

@@ -1,5 +1,6 @@
 //! Why a database cannot be opened.
 
+use std::io::ErrorKind;
 use std::path::Path;
 
 use super::error::ResultCode;
@@ -59,9 +60,20 @@ pub enum OpenError {
     /// The disk is full.
     #[error("{0} cannot be written: the disk is full, or the file may not grow; free some space and retry")]
     Full(String),
-    /// The file or its folder does not exist, or may not be opened.
-    #[error("{0} cannot be opened: the file or its folder does not exist, or the process may not open it")]
+    /// The folder of a new database does not exist.
+    #[error(
+        "{0} cannot be created: its folder does not exist; create the folder, or give another path with --db"
+    )]
     NoFolder(String),
+    /// The file does not exist.
+    #[error("{0} does not exist: check the path in --db")]
+    Missing(String),
+    /// The process has no permission to open the file.
+    #[error("{0} cannot be opened: permission denied; check the permissions of the file and its folder")]
+    NoPermission(String),
+    /// SQLite cannot open the file for another reason, such as too many open files.
+    #[error("{0} cannot be opened: check the file and its folder")]
+    CannotOpen(String),
     /// The database needs a migration, and the copy before it cannot be made.
     #[error(
         "{path} has an older schema ({schema}) and was not migrated, because the copy before the migration failed: {reason}; free some space in its folder, or move it"
@@ -93,9 +105,20 @@ impl OpenError {
             Some(ResultCode::CORRUPT) => Self::Damaged(path),
             Some(ResultCode::READ_ONLY) => Self::ReadOnly(path),
             Some(ResultCode::BUSY | ResultCode::LOCKED) => Self::Locked(path),
-            Some(ResultCode::CANNOT_OPEN) => Self::NoFolder(path),
+            Some(ResultCode::CANNOT_OPEN) => Self::cannot_open(path),
             Some(ResultCode::FULL) => Self::Full(path),
             _ => Self::Other { path, reason: error.to_string() },
+        }
+    }
+}
+
+impl OpenError {
+    /// The error for a database at this path that SQLite cannot open, without a reason.
+    fn cannot_open(path: String) -> Self {
+        match std::fs::File::open(&path).map_err(|error| error.kind()) {
+            Err(ErrorKind::NotFound) => Self::Missing(path),
+            Err(ErrorKind::PermissionDenied) => Self::NoPermission(path),
+            _ => Self::CannotOpen(path),
         }
     }
 }

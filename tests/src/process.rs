@@ -134,9 +134,25 @@ impl ServerProcess {
     /// Panics if the signal cannot be sent.
     #[cfg(unix)]
     #[must_use]
-    pub fn terminate(mut self) -> Option<i32> {
-        let signalled = Command::new("kill").arg(self.child.id().to_string()).status().expect("kill runs");
-        assert!(signalled.success(), "the server exited before SIGTERM");
+    pub fn terminate(self) -> Option<i32> {
+        self.signal("TERM")
+    }
+
+    /// Sends SIGINT, as Ctrl-C does, and returns the exit code.
+    ///
+    /// # Panics
+    /// Panics if the process has already exited.
+    #[cfg(unix)]
+    #[must_use]
+    pub fn interrupt(self) -> Option<i32> {
+        self.signal("INT")
+    }
+
+    #[cfg(unix)]
+    fn signal(mut self, name: &str) -> Option<i32> {
+        let mut kill = Command::new("kill");
+        let sent = kill.args(["-s", name, &self.child.id().to_string()]).status().expect("kill runs");
+        assert!(sent.success(), "the server exited before SIG{name}");
         self.child.wait().expect("the server exits").code()
     }
 

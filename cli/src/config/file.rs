@@ -4,6 +4,7 @@ use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
+use commands::files;
 use toml::Table;
 
 /// Name of the file in the working directory and in the user's configuration folder.
@@ -41,8 +42,7 @@ impl ConfigFile {
     /// # Errors
     /// Returns an error if the file cannot be read or is not TOML.
     pub(super) fn read(path: PathBuf) -> anyhow::Result<Self> {
-        let text = std::fs::read_to_string(&path)
-            .with_context(|| format!("the configuration file {} cannot be read", path.display()))?;
+        let text = files::read_text(&path).context("the configuration file")?;
         let settings = text.parse::<Table>().map_err(|error| {
             let line = error.span().map(|span| text[..span.start].matches('\n').count() + 1);
             let place = line.map_or_else(String::new, |line| format!(", line {line}"));

@@ -11,11 +11,12 @@ mod show;
 #[cfg(test)]
 mod tests;
 
+use std::error::Error as _;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
 use anyhow::anyhow;
-use clap::error::ErrorKind;
+use clap::error::{ContextKind, ErrorKind};
 use clap::{Command, CommandFactory, FromArgMatches, Subcommand};
 
 pub use self::file::ConfigFile;
@@ -83,9 +84,13 @@ fn allow_negative_numbers(command: Command) -> Command {
 pub(super) fn parse(line: Vec<OsString>) -> anyhow::Result<(Cli, ConfigFile)> {
     let file = ConfigFile::find(&line)?;
     let configured = apply::apply(definition(), &file)?;
-    let matched = configured.try_get_matches_from(line.clone());
-    let parsed = matched.and_then(|matches| Cli::from_arg_matches(&matches));
-    match parsed {
+    let matched = configured.clone().try_get_matches_from(line.clone());
+    let parsed = matched.and_then(|matches| {
+        let mut cli = Cli::from_arg_matches(&matches)?;
+        cli.apply_precedence(&matches);
+        Ok(cli)
+    });
+    match parsed.map_err(|error| in_plain_words(error, configured)) {
         Ok(cli) => Ok((cli, file)),
         Err(error) if is_fault_of_file(&error, &file, line) => {
             let reason = error.render().to_string();
@@ -94,6 +99,26 @@ pub(super) fn parse(line: Vec<OsString>) -> anyhow::Result<(Cli, ConfigFile)> {
         }
         Err(error) => error.exit(),
     }
+}
+
+/// Replaces the messages of the standard library's number parsers by a sentence for users.
+fn in_plain_words(error: clap::Error, mut command: Command) -> clap::Error {
+    let reason = error.source().map(ToString::to_string).unwrap_or_default();
+    let rule = match reason.as_str() {
+        "invalid digit found in string" | "cannot parse integer from empty string" => {
+            "must be a whole number"
+        }
+        "number too large to fit in target type" => "is too large",
+        "number too small to fit in target type" => "is too small",
+        "invalid float literal" | "cannot parse float from empty string" => "must be a number",
+        _ => return error,
+    };
+    let word = |kind| error.get(kind).map(ToString::to_string).unwrap_or_default();
+    let is_negative = word(ContextKind::InvalidValue).parse::<i64>().is_ok_and(|number| number < 0);
+    let rule = if is_negative { "must not be negative" } else { rule };
+    let message =
+        format!("{} {rule}, got {:?}", word(ContextKind::InvalidArg), word(ContextKind::InvalidValue));
+    command.error(error.kind(), message)
 }
 
 /// Returns true if the command line is valid without the file.

@@ -73,7 +73,8 @@ fn find<'a>(
     file: &'a Table,
 ) -> anyhow::Result<(&'a Command, Vec<&'a Table>)> {
     let (mut command, mut tables) = (root, vec![file]);
-    for name in path {
+    // A table of the file joins the names by a dot.
+    for name in path.iter().flat_map(|name| name.split('.')) {
         let known = command.get_subcommands().map(Command::get_name);
         command = match command.find_subcommand(name) {
             Some(sub) => sub,

@@ -2,6 +2,7 @@
 
 use clap::ArgMatches;
 
+use super::super::bind_args::BindArgs;
 use super::*;
 
 fn file(text: &str) -> ConfigFile {
@@ -38,7 +39,7 @@ fn file_sets_flags_and_command_line_overrides_it() {
     ";
     let serve = matches(text, "sparring serve");
     let (_, serve) = serve.subcommand().unwrap();
-    assert_eq!(serve.get_one::<std::net::SocketAddr>("bind").unwrap().to_string(), "127.0.0.1:9000");
+    assert_eq!(BindArgs::from_arg_matches(serve).unwrap().address().to_string(), "127.0.0.1:9000");
     assert_eq!(serve.get_one::<std::path::PathBuf>("db").unwrap().to_str(), Some("top.sqlite3"));
     assert_eq!(serve.get_one::<u32>("session_idle"), Some(&5));
     assert!(serve.get_flag("openenv_public"));
@@ -52,6 +53,38 @@ fn file_sets_flags_and_command_line_overrides_it() {
     let token = matches(text, "sparring token create me");
     let (_, token) = token.subcommand().unwrap();
     assert_eq!(token.get_one::<std::path::PathBuf>("db").unwrap().to_str(), Some("tokens.sqlite3"));
+}
+
+#[test]
+fn port_of_a_flag_has_precedence_over_a_port_of_the_file() {
+    let address = |line: &str| {
+        let matches = matches("[serve]\nport = 9005", line);
+        let (_, serve) = matches.subcommand().unwrap();
+        let mut bind = BindArgs::from_arg_matches(serve).unwrap();
+        bind.apply_precedence(serve);
+        bind.address().to_string()
+    };
+    assert_eq!(address("sparring serve --bind localhost:9006"), "127.0.0.1:9006");
+    assert_eq!(address("sparring serve --bind localhost"), "127.0.0.1:9005", "the flag has no port");
+    assert_eq!(address("sparring serve --bind localhost:9006 --port 9007"), "127.0.0.1:9007");
+    assert_eq!(address("sparring serve"), "127.0.0.1:9005");
+}
+
+#[test]
+fn faults_of_numbers_are_in_plain_words() {
+    let fault = |line: &str| {
+        let error = definition().try_get_matches_from(line.split(' ')).unwrap_err();
+        in_plain_words(error, definition()).to_string().lines().next().unwrap_or_default().to_owned()
+    };
+    insta::assert_snapshot!(
+        [
+            fault("sparring serve --port abc"),
+            fault("sparring runs create --seed -1"),
+            fault("sparring serve --port 70000"),
+            fault("sparring runs create --group-size 99999999999999999999"),
+        ]
+        .join("\n")
+    );
 }
 
 #[test]

@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 
 use super::{format_bytes, open_readers};
+use commands::files;
 use commands::output;
 
 /// Copy a database to a new file, also while a server uses it.
@@ -25,11 +26,12 @@ pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
         bail!("{} already exists; choose another file, or move it away", to.display());
     }
     open_readers(db).await?.close().await;
+    files::check_writable(to)?;
     let mut conn = store::open_maintenance(db).await?;
     store::copy(&mut conn, to)
         .await
         .map_err(|reason| anyhow::anyhow!("the copy {} could not be written: {reason}", to.display()))?;
-    let bytes = std::fs::metadata(to).with_context(|| to.display().to_string())?.len();
+    let bytes = std::fs::metadata(to).map_err(|error| files::read_fault(to, &error))?.len();
     output::print(&format!(
         "{} is a copy of {}, {}",
         to.display(),

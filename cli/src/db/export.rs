@@ -13,6 +13,7 @@ use store::{compacted_leases, curriculum, episodes, groups, leases, runs};
 
 use super::lines::{self, ExportLine};
 use super::open_readers;
+use commands::files;
 use commands::output::{self, Report};
 use commands::run_names::find_stored_run;
 
@@ -64,8 +65,8 @@ pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
             }
             let folder =
                 file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-            let beside = tempfile::NamedTempFile::new_in(folder)
-                .with_context(|| format!("{} cannot be written", file.display()))?;
+            let beside =
+                tempfile::NamedTempFile::new_in(folder).map_err(|error| files::write_fault(file, &error))?;
             let mut sink = LineSink {
                 out: Box::new(std::io::BufWriter::new(beside.reopen()?)),
                 is_closed: false,
@@ -74,9 +75,7 @@ pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
             write_all(conn, &ids, args.actions, &mut sink).await?;
             let lines = sink.lines;
             beside.as_file().sync_all()?;
-            beside
-                .persist_noclobber(file)
-                .with_context(|| format!("{} cannot be written", file.display()))?;
+            beside.persist_noclobber(file).map_err(|error| files::write_fault(file, &error.error))?;
             let mut report = Report::default();
             report.line(format!("{lines} lines are in {}.", file.display()));
             output::print_report(&report)?;

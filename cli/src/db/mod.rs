@@ -16,6 +16,7 @@ use anyhow::{Context, ensure};
 use clap::Subcommand;
 use sqlx::SqlitePool;
 
+use commands::files;
 use commands::interrupt::INTERRUPTED;
 
 /// Inspect, check, back up, compact or export a database.
@@ -90,7 +91,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 /// Returns an error if the file is missing, empty, or has another schema.
 pub(super) async fn open_readers(db: &Path) -> anyhow::Result<SqlitePool> {
     // Opening an empty file would turn it into a database.
-    let there = std::fs::metadata(db).with_context(|| format!("{} cannot be opened", db.display()))?;
+    let there = std::fs::metadata(db).map_err(|error| files::read_fault(db, &error))?;
     ensure!(there.len() > 0, "{} is empty", db.display());
     Ok(store::open_current_readers(db).await?)
 }

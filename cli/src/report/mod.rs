@@ -10,10 +10,9 @@ mod rose;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::Context;
-
 use super::db::{DatabaseArgs, open_readers};
 use clock::Clock;
+use commands::files;
 use commands::output;
 use commands::run_names::find_stored_run;
 
@@ -43,7 +42,7 @@ pub struct Args {
 /// # Errors
 /// Returns an error if the database cannot be used, the run does not exist, or the file cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    output::check_folder_exists(Some(&args.out))?;
+    files::check_writable(&args.out)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let (run, report) = runtime.block_on(async {
         let open_readers = open_readers(&args.database.db).await?;
@@ -53,7 +52,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         anyhow::Ok((run, report))
     })?;
     let text = page::render(&report)?;
-    std::fs::write(&args.out, &text).with_context(|| args.out.display().to_string())?;
+    files::write(&args.out, &text)?;
     let kib = text.len().div_ceil(1024);
     output::print(&format!(
         "{}: {} episodes of {run} on one page of {kib} KiB",

@@ -50,7 +50,7 @@ impl ApiClient {
 
     fn with_token(url: &str, token: Option<SecretString>) -> anyhow::Result<Self> {
         let invalid = || format!("--url: {url:?} must be a URL such as http://127.0.0.1:8700");
-        let parsed = Url::parse(url).with_context(invalid)?;
+        let parsed = Url::parse(url).map_err(|_| anyhow!(invalid()))?;
         if !matches!(parsed.scheme(), "http" | "https") || parsed.host().is_none() {
             bail!(invalid());
         }
@@ -213,7 +213,8 @@ impl ApiClient {
                 "the server at {} needs a token: set {TOKEN_VARIABLE}; `sparring token create` creates one",
                 self.base
             ),
-            _ => anyhow!("{} ({status})", problem.message_with_field()),
+            _ if problem.detail.is_empty() => anyhow!("{} ({status})", problem.message_with_field()),
+            _ => anyhow!(problem.message_with_field()),
         }
     }
 }

@@ -14,7 +14,8 @@ use serde::Serialize;
 
 use self::stepped_batch::SteppedBatch;
 use super::options::{self, ChosenOption};
-use super::{output, worlds};
+use super::output::{self, Column, Report, TextTable};
+use super::worlds;
 use evaluation::bootstrap::quantile;
 
 /// Slices of a measurement. Their median is reported, so that one disturbance does not count.
@@ -119,7 +120,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if args.json {
         output::print_json(&measured)?;
     } else {
-        output::print(&measured.sentences())?;
+        output::print_report(&measured.text_report())?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -193,23 +194,28 @@ pub fn measure(
 }
 
 impl Measurement {
-    fn sentences(&self) -> String {
-        let mut text = format!(
-            "{}, one thread, observations and resets included ({} slices in {} s)\n\
-             {:.0} env-steps/s ({:.0} to {:.0}), {:.3} µs a step, {:.0} resets/s",
-            self.description,
-            self.slices,
-            self.seconds,
-            self.single_thread_env_steps_per_s,
-            self.low,
-            self.high,
-            self.us_per_step,
-            self.resets_per_s,
-        );
+    fn text_report(&self) -> Report {
+        let mut report = Report::default();
+        report.paragraph(format!(
+            "{}, one thread, observations and resets included ({} slices in {} s):",
+            self.description, self.slices, self.seconds
+        ));
+        let titles = ["steps/s", "5 % quantile", "95 % quantile", "µs per step", "resets/s"];
+        let mut table = TextTable::new(titles.map(Column::number));
+        table.add_row([
+            format!("{:.0}", self.single_thread_env_steps_per_s),
+            format!("{:.0}", self.low),
+            format!("{:.0}", self.high),
+            format!("{:.3}", self.us_per_step),
+            format!("{:.0}", self.resets_per_s),
+        ]);
+        report.table(table);
         if let Some((times, us)) = self.times_python_env.zip(self.python_env_us_per_step) {
-            text.push_str(&format!("\n{times:.0} times the public Python environment at {us} µs a step"));
+            report.line(format!(
+                "{times:.0} times the public Python environment, which takes {us} µs per step."
+            ));
         }
-        text
+        report
     }
 }
 
@@ -273,7 +279,12 @@ mod tests {
                 .unwrap();
         let told = serde_json::to_value(&found).unwrap();
         assert_eq!(told["physics"], serde_json::json!({"contact": "swept", "warnings": "exact"}));
-        assert!(found.sentences().contains("debris 50, contact swept, warnings exact, one thread"));
+        assert!(
+            found
+                .text_report()
+                .render(output::OutputTarget::Piped)
+                .contains("debris 50, contact swept, warnings exact, one thread")
+        );
         assert!(
             measure(kessler, &[("contact", "swept"), ("risk", "pc")], BatchSettings::default(), 0.1).is_err()
         );

@@ -122,7 +122,7 @@ pub(super) fn table(progress: &Progress) -> TextTable {
         Column::text("task"),
         Column::prose("params in force").optional(1),
         Column::number("level"),
-        Column::number("mastery (10–90 %)"),
+        Column::number("mastery (10–90\u{a0}%)"),
         Column::number("success"),
         Column::number("skill"),
         Column::number("population success").optional(3),

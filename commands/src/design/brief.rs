@@ -10,6 +10,7 @@ use designer::{DesignBrief, FailureProfile, design_language};
 use env_core::{Recipe, TaskSpec};
 
 use super::Args;
+use crate::files;
 use crate::options;
 use curriculum::TaskPlan;
 
@@ -129,8 +130,7 @@ fn task_of_profile(profile: FailureProfile) -> anyhow::Result<TaskSnapshot> {
 }
 
 fn read_profile(path: &Path, task: Option<&str>) -> anyhow::Result<FailureProfile> {
-    let text = std::fs::read_to_string(path)
-        .with_context(|| format!("--profile: {} cannot be read", path.display()))?;
+    let text = files::read_text(path).context("--profile")?;
     FailureProfile::parse(&text, task).map_err(|error| match error {
         ProfileError::Json(fault) => anyhow!(
             "--profile: {} is no failure profile ({fault}); what GET /v1/runs/{{run}}/failure_profiles answers is one, or one task of it",

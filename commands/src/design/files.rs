@@ -9,6 +9,7 @@ use designer::{LayoutView, draw_layout};
 use serde_json::json;
 
 use super::design_report::{AdmittedLayout, DesignReport};
+use crate::files;
 
 /// Longest part of a layout's name in a file name, in bytes.
 const MAX_SLUG_BYTES: usize = 40;
@@ -19,18 +20,17 @@ const MAX_SLUG_BYTES: usize = 40;
 /// # Errors
 /// Returns an error if the folder or a file cannot be written.
 pub(super) fn write_pictures(folder: &Path, outcome: &DesignReport) -> anyhow::Result<String> {
-    let context = || format!("--svg: {} cannot be written", folder.display());
-    std::fs::create_dir_all(folder).with_context(context)?;
+    files::create_folder(folder).context("--svg")?;
     let mut drawn = Vec::new();
     for AdmittedLayout { layout, gate, scenario } in outcome.admitted() {
         let design = layout.canonical_design();
         let subject = LayoutView { name: &layout.name, design, scenario, bracket: &gate.bracket };
         let Some(picture) = draw_layout(subject) else { continue };
         let file = format!("{:02}-{}.svg", drawn.len() + 1, slug(&layout.name));
-        std::fs::write(folder.join(&file), picture).with_context(context)?;
+        files::write(&folder.join(&file), picture).context("--svg")?;
         drawn.push(DrawnLayout { file, name: &layout.name });
     }
-    std::fs::write(folder.join("index.html"), index_page(&drawn)).with_context(context)?;
+    files::write(&folder.join("index.html"), index_page(&drawn)).context("--svg")?;
     let path = folder.display();
     Ok(format!("Wrote {} pictures to {path}; open {path}/index.html.", drawn.len()))
 }
@@ -86,9 +86,8 @@ pub(super) fn write_layouts(path: &Path, outcome: &DesignReport) -> anyhow::Resu
         .admitted()
         .map(|admitted| json!({"name": admitted.layout.name, "scenario": admitted.scenario.to_json()}))
         .collect();
-    let context = || format!("--out: {} cannot be written", path.display());
     let text = serde_json::to_string(&json!({ "layouts": admitted }))?;
-    std::fs::write(path, text + "\n").with_context(context)?;
+    files::write(path, text + "\n").context("--out")?;
     Ok(format!("Wrote {} layouts to {}, in the format of --layouts.", admitted.len(), path.display()))
 }
 

@@ -19,6 +19,7 @@ use self::physics::ChangedPhysics;
 use super::options::{self, ChosenOption};
 use super::output::{self, JsonFlag};
 use super::worlds;
+use crate::files;
 use evaluation::report::ReportSettings;
 use evaluation::suite::Suite;
 use evaluation::suite::file::{self, LoadedSuite};
@@ -116,9 +117,9 @@ Examples:
 /// Returns an error if the suite cannot be used, a policy is missing in a task, or a file cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     output::reject_duplicates("--policy", &args.policies)?;
-    output::check_folder_exists(args.svg.as_deref())?;
+    args.svg.as_deref().map_or(Ok(()), files::check_writable)?;
     let LoadedSuite { suite, hash } =
-        file::load_suite(&args.suite).with_context(|| format!("suite {}", args.suite))?;
+        file::load_suite(&args.suite).with_context(|| format!("--suite {}", args.suite))?;
     check_policies(&suite, args)?;
     let (suite, physics) = with_physics(suite, args)?;
     let results = roll_out_policies(&suite, args)?;
@@ -130,7 +131,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     if let Some(path) = &args.svg {
         let drawn = picture::draw(&report).map_err(|error| anyhow!("{error}"))?;
-        std::fs::write(path, drawn).with_context(|| path.display().to_string())?;
+        files::write(path, drawn)?;
     }
     Ok(ExitCode::SUCCESS)
 }

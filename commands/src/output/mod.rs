@@ -7,7 +7,6 @@ mod table;
 mod target;
 
 use std::io::{ErrorKind, Write};
-use std::path::Path;
 
 use anyhow::{Context, anyhow};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -70,16 +69,19 @@ pub fn reject_duplicates(flag: &str, names: &[String]) -> anyhow::Result<()> {
     twice.map_or(Ok(()), |(_, name)| Err(anyhow!("{flag} names {name} twice")))
 }
 
-/// Checks before long work that the folder of an output file exists.
-///
-/// # Errors
-/// Returns an error if the folder does not exist.
-pub fn check_folder_exists(path: Option<&Path>) -> anyhow::Result<()> {
-    let folder = path.and_then(Path::parent).filter(|folder| !folder.as_os_str().is_empty());
-    match folder {
-        Some(folder) if !folder.is_dir() => Err(anyhow!("there is no folder {}", folder.display())),
-        _ => Ok(()),
+/// Formats an error with its causes. A cause that the message before it already ends with is left out.
+pub fn error_text(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if text.ends_with(&cause) {
+            continue;
+        }
+        if !text.is_empty() {
+            text.push_str(": ");
+        }
+        text.push_str(&cause);
     }
+    text
 }
 
 /// Creates a progress bar on stderr; it is hidden if stderr is no terminal.

@@ -106,8 +106,11 @@ impl TextTable {
             }
             let hidden = shown.iter().copied().max_by_key(|&index| (self.columns[index].hide_rank, index));
             match hidden.filter(|&index| self.columns[index].hide_rank > 0) {
-                Some(index) => shown.retain(|&other| other != index),
-                None => return self.stack(width),
+                // Stacked rows show more than a table that lacks half of its columns.
+                Some(index) if 2 * (shown.len() - 1) >= self.columns.len() => {
+                    shown.retain(|&other| other != index);
+                }
+                _ => return self.stack(width),
             }
         }
     }

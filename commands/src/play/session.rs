@@ -4,7 +4,7 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::{Context, bail};
+use anyhow::{anyhow, bail};
 use futures_util::{SinkExt, StreamExt};
 use llm::{sanitize_line, tls_config};
 use reqwest::Url;
@@ -68,7 +68,7 @@ impl ServerAddress {
     /// Returns an error if the text is no http(s) or ws(s) URL, or has a user, password, query or fragment.
     pub(super) fn parse(text: &str) -> anyhow::Result<Self> {
         let base = Url::parse(text)
-            .with_context(|| "it must be an address such as http://127.0.0.1:8700".to_owned())?;
+            .map_err(|_| anyhow!("{text:?} must be an address such as http://127.0.0.1:8700"))?;
         let secure = match base.scheme() {
             "http" | "ws" => false,
             "https" | "wss" => true,

@@ -12,6 +12,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::super::output;
+use crate::files;
 use llm_policy::ChatTurn;
 
 /// Format of the records on stdout.
@@ -93,7 +94,8 @@ impl Transcript {
     /// Returns an error if the file cannot be created.
     pub(super) fn new(format: TranscriptFormat, file: Option<&Path>, is_live: bool) -> anyhow::Result<Self> {
         let open = |path: &Path| {
-            let file = File::create(path).with_context(|| format!("--out {}", path.display()))?;
+            let file =
+                File::create(path).map_err(|error| files::write_fault(path, &error)).context("--out")?;
             Ok::<_, anyhow::Error>(Mutex::new(BufWriter::new(file)))
         };
         Ok(Self { format, file: file.map(open).transpose()?, is_live })

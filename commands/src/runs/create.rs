@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use anyhow::{Context, ensure};
+use anyhow::{Context, anyhow, ensure};
 use api_types::RunSummary;
 use clap::builder::PossibleValuesParser;
 use curriculum::StrategyKind;
 use serde_json::{Map, Value, json};
 
 use crate::api::ApiClient;
+use crate::files;
 use crate::names;
 use crate::output::{self, JsonFlag};
 
@@ -91,9 +92,10 @@ impl Args {
 
     fn file(&self) -> anyhow::Result<Map<String, Value>> {
         let Some(path) = &self.from else { return Ok(Map::new()) };
-        let context = || format!("--from {}", path.display());
-        let text = std::fs::read_to_string(path).with_context(context)?;
-        serde_json::from_str(&text).with_context(context)
+        let text = files::read(path).context("--from")?;
+        serde_json::from_slice(&text).map_err(|error| {
+            anyhow!("--from: {} must be a JSON object with the fields of a run: {error}", path.display())
+        })
     }
 }
 

@@ -87,7 +87,7 @@ fn task_table(mastery: &RunMastery) -> TextTable {
     let mut table = TextTable::new([
         Column::text("task"),
         Column::number("level"),
-        Column::number("mastery (10–90 %)"),
+        Column::number("mastery (10–90\u{a0}%)"),
         Column::number("block").optional(2),
         Column::number("success"),
         Column::number("skill"),

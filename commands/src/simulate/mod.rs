@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use clap::builder::PossibleValuesParser;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -18,6 +18,7 @@ use serde_json::Value;
 
 use super::names;
 use super::output::{self, JsonFlag};
+use crate::files;
 use curriculum::simulation::{
     Learner, LearnerKind, SimulationPlan, SimulationSummary, SimulationTrace, simulate,
 };
@@ -146,7 +147,7 @@ pub(super) struct CompletedSimulation {
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     output::reject_duplicates("--strategy", &args.strategies)?;
     output::reject_duplicates("--learner", &args.learners)?;
-    output::check_folder_exists(args.svg.as_deref())?;
+    args.svg.as_deref().map_or(Ok(()), files::check_writable)?;
     let bar = output::progress_bar(pairs(args).len(), "simulations")?;
     let simulated = simulate_all(args, &|| bar.inc(1))?;
     bar.finish_and_clear();
@@ -157,7 +158,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     if let Some(path) = &args.svg {
         let drawn = picture::draw(&simulated, args.episodes).map_err(|error| anyhow!("{error}"))?;
-        std::fs::write(path, drawn).with_context(|| path.display().to_string())?;
+        files::write(path, drawn)?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -12,6 +12,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
 
+use crate::files;
 use crate::options::{self, ChosenOption, TaskOptions};
 use crate::{output, worlds};
 use evaluation::suite::{Suite, SuiteEntry, SuiteGroup, SuitePart, file};
@@ -116,7 +117,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let text = file::write_suite(&suite)?;
     let hash =
         file::parse_suite(text.as_bytes()).context("the suite that was built cannot be read back")?.hash;
-    std::fs::write(&args.out, &text).with_context(|| format!("{} cannot be written", args.out.display()))?;
+    files::write(&args.out, &text)?;
     output::print(&format!(
         "{}: {} scenarios, {} bytes, hash {hash}",
         args.out.display(),

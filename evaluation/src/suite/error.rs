@@ -16,12 +16,12 @@ pub enum SuiteError {
         known: String,
     },
     /// The file cannot be read.
-    #[error("{} cannot be read: {source}", path.display())]
+    #[error("{} cannot be read: {reason}; check the permissions of the file and its folder", path.display())]
     Unreadable {
         /// Path of the file.
         path: PathBuf,
         /// Error of the operating system.
-        source: std::io::Error,
+        reason: std::io::Error,
     },
     /// The file is not a suite.
     #[error("it is not a suite file: {reason}")]

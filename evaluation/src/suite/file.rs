@@ -139,7 +139,7 @@ pub fn load_suite(name_or_path: &str) -> Result<LoadedSuite, SuiteError> {
         return Err(SuiteError::Unknown { requested: name_or_path.to_owned(), known: built_in_names() });
     }
     let bytes =
-        std::fs::read(path).map_err(|source| SuiteError::Unreadable { path: path.to_owned(), source })?;
+        std::fs::read(path).map_err(|reason| SuiteError::Unreadable { path: path.to_owned(), reason })?;
     parse_suite(&bytes)
 }
 

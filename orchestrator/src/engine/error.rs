@@ -8,7 +8,7 @@ use store::{Outage, StoreError};
 #[derive(Debug, thiserror::Error)]
 pub enum ServiceError {
     /// The run does not exist.
-    #[error("run {0} does not exist")]
+    #[error("run {0} does not exist; GET /v1/runs lists the runs")]
     UnknownRun(String),
     /// The run has no such lease.
     #[error("the run has no lease {0}")]

@@ -138,7 +138,7 @@ async fn database_has_one_server() {
 #[test]
 fn missing_folder_is_rejected() {
     let folder = tempfile::tempdir().unwrap();
-    insta::assert_snapshot!(serve_error(&folder.path().join("no/such/folder/x.sqlite3")), @"sparring: DB cannot be opened: the file or its folder does not exist, or the process may not open it");
+    insta::assert_snapshot!(serve_error(&folder.path().join("no/such/folder/x.sqlite3")), @"sparring: DB cannot be created: its folder does not exist; create the folder, or give another path with --db");
 }
 
 /// Permissions do not bind root. As root, the test runs a copy of the server as the unprivileged user 65534.

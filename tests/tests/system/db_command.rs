@@ -60,7 +60,11 @@ async fn info_check_backup_and_export_work_on_a_live_database() {
     assert_eq!(db(&file, &["backup", copy.to_str().unwrap()]).status.code(), Some(0));
     let second = db(&file, &["backup", copy.to_str().unwrap()]);
     assert_output(&second, 2, "already exists");
-    assert_output(&db(&file, &["backup", "/nowhere/copy.sqlite3"]), 2, "could not be written");
+    assert_output(
+        &db(&file, &["backup", "/nowhere/copy.sqlite3"]),
+        2,
+        "cannot be written: its folder does not exist",
+    );
 
     assert_export_is_complete(&file, &folder.path().join("lines.ndjson"));
 
@@ -147,7 +151,7 @@ async fn check_finds_each_kind_of_damage() {
     }
     // Files that are no database of Sparring are rejected.
     std::fs::write(folder.path().join("notes.txt"), "x".repeat(5000)).unwrap();
-    for (name, why) in [("notes.txt", "is not an SQLite database"), ("nowhere", "cannot be opened")] {
+    for (name, why) in [("notes.txt", "is not an SQLite database"), ("nowhere", "does not exist")] {
         let output = db(&folder.path().join(name), &["info"]);
         assert!(
             output.status.code() == Some(2) && output_text(&output).contains(why),

@@ -34,6 +34,7 @@ mod retention;
 mod run_deletion;
 mod run_tags;
 mod runs_command;
+mod serve_command;
 mod stepping;
 mod training_loop;
 mod trajectories;

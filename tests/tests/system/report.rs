@@ -65,8 +65,11 @@ async fn report_explains_invalid_arguments() {
         (server.db_path().display().to_string(), folder.path().join("r.html").display().to_string());
     for (args, text) in [
         (vec!["unknown", "--db", &db, "--out", &out], "there is no run \"unknown\""),
-        (vec!["young", "--db", "/nowhere/x.sqlite3", "--out", &out], "/nowhere/x.sqlite3"),
-        (vec!["young", "--db", &db, "--out", "/nowhere/r.html"], "there is no folder /nowhere"),
+        (vec!["young", "--db", "/nowhere/x.sqlite3", "--out", &out], "/nowhere/x.sqlite3 does not exist"),
+        (
+            vec!["young", "--db", &db, "--out", "/nowhere/r.html"],
+            "/nowhere/r.html cannot be written: its folder does not exist",
+        ),
         (vec!["yuong", "--db", &db, "--out", &out], "did you mean young?"),
     ] {
         let output = report(&args);

@@ -60,7 +60,7 @@ async fn tokens_can_be_managed_while_a_server_runs() {
     let nowhere = folder.path().join("nowhere");
     for args in [["token", "list"].as_slice(), &["token", "revoke", "1"]] {
         let (code, _, output) = run_sparring(&nowhere, args);
-        assert!(code == Some(2) && output.contains("cannot be opened") && !nowhere.exists(), "{output}");
+        assert!(code == Some(2) && output.contains("does not exist") && !nowhere.exists(), "{output}");
     }
     let (code, listed, _) = run_sparring(&db, &["token", "list"]);
     assert_eq!(code, Some(0));
