@@ -19,7 +19,7 @@ demo: check-cargo ## Train a built-in learner with the curriculum: about 45 s on
 	cargo run --locked -p cli --bin sparring -- demo
 
 venv: check-cargo check-python ## Create .venv with the Python package and the program `sparring`, for trainers in Python
-	@$(call build_with_dashboard,-p cli --bin sparring -p sparring-python)
+	@$(call build_with_dashboard,-p cli -p sparring-python --bin sparring --lib)
 	scripts/venv .venv
 	@echo 'Activate it: . .venv/bin/activate'
 
