@@ -250,7 +250,7 @@ def test_readme_trainer_learns(tmp_path):
     with local_curriculum() as curriculum:
         command = [venv / "bin/python", "-c", program.replace(URL, curriculum.url)]
         trainer = subprocess.run(command, check=True, capture_output=True, text=True)
-    levels = [int(level) for level in re.findall(r"^update \d+: level (\d), skill", trainer.stdout, re.MULTILINE)]
+    levels = [int(level) for level in re.findall(r"^update \d+ level (\d) skill", trainer.stdout, re.MULTILINE)]
     assert len(levels) == 8 and levels[0] <= 1 and levels[-1] >= 2, trainer.stdout
 
 
