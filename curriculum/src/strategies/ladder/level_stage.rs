@@ -72,12 +72,12 @@ fn move_evidence(kind: MoveKind, target: Target, blocks: &[EvidenceBlock]) -> Mo
     let sums = list(|block| block.sum);
     let sentence = match (target, kind) {
         (Target::Mastery, MoveKind::Down) => format!(
-            "{sums} of {BLOCK_SIZE} contested scenarios in two blocks running: 90 % quantiles {} are at \
+            "{sums} of {BLOCK_SIZE} contested scenarios in two consecutive blocks: 90 % quantiles {} are at \
              most {OUT_OF_REACH_Q90:.2}",
             list(EvidenceBlock::q90)
         ),
         (Target::Mastery, _) => format!(
-            "{sums} of {BLOCK_SIZE} contested scenarios in two blocks running: 10 % quantiles {} are at \
+            "{sums} of {BLOCK_SIZE} contested scenarios in two consecutive blocks: 10 % quantiles {} are at \
              least {MASTERED_Q10:.2}",
             list(EvidenceBlock::q10)
         ),
