@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 
-/// Query of the event stream: where it starts.
+/// Query of the event stream: where it starts, and which events it has.
 #[derive(Debug, Clone, Default, Serialize, Deserialize, IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
@@ -15,6 +15,9 @@ pub struct EventQuery {
     #[param(minimum = 0, maximum = 1000)]
     #[serde(default, deserialize_with = "crate::integers::optional::<_, 0, 1000>")]
     pub last: Option<u32>,
+    /// Kinds of the wanted events, separated by commas, such as `move,warning` (default: all). `last` counts events of these
+    /// kinds. A `gap` and the deletion of the run are always sent.
+    pub kind: Option<String>,
 }
 
 /// Subject of an event.

@@ -1,19 +1,12 @@
 //! `sparring tail`: prints the events of a run as they happen.
 
-use std::collections::VecDeque;
 use std::process::ExitCode;
-use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
 use crate::api::{Connection, ServerArgs, StartService};
 use crate::api::{EventStream, StreamedEvent, find_run};
 use crate::output::{self, OutputTarget};
-
-/// Largest number of past events that a server sends.
-const MAX_PAST: u32 = 1000;
-/// Longest time to wait for past events.
-const MAX_PAST_TIME: Duration = Duration::from_secs(3);
 
 /// Print the events of a run as they happen, until Ctrl-C.
 #[derive(Debug, clap::Args)]
@@ -31,7 +24,7 @@ pub struct Args {
     #[arg(value_name = "RUN")]
     run: Option<String>,
     /// Number of past events to begin with, of the kinds of --kind
-    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(0..=i64::from(MAX_PAST)))]
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(0..=1000))]
     last: u32,
     /// Kinds of events to print, separated by commas [default: all]
     #[arg(long = "kind", value_name = "KIND", value_delimiter = ',',
@@ -63,62 +56,25 @@ pub fn run(args: &Args, start: StartService) -> anyhow::Result<ExitCode> {
 
 async fn follow(connection: &Connection, args: &Args) -> anyhow::Result<()> {
     let run = find_run(&connection.api, args.run.as_deref()).await?.id;
-    let last = if args.kinds.is_empty() { args.last } else { MAX_PAST };
-    let mut events = EventStream::open(&connection.api, &run, last).await?;
+    let mut events = EventStream::open(&connection.api, &run, &args.kinds, args.last).await?;
     let format = if args.json { LineFormat::Json } else { LineFormat::Text(OutputTarget::stdout()) };
     let is_piped = format == LineFormat::Text(OutputTarget::Piped);
     if is_piped && !output::print_unless_closed("at\tkind\tevent")? {
         return Ok(());
     }
-    let mut past =
-        if args.kinds.is_empty() { VecDeque::new() } else { args.last_of_kinds(&mut events).await? };
     // Without a server nothing more will happen.
     let ends = args.no_follow || !connection.is_server();
     loop {
-        let event = match past.pop_front() {
-            Some(event) => event,
-            None if ends => match events.next_past().await? {
-                Some(event) => event,
-                None => return Ok(()),
-            },
-            None => events.next().await?,
+        let Some(event) = (if ends { events.next_past().await? } else { Some(events.next().await?) }) else {
+            return Ok(());
         };
-        if args.is_wanted(&event) && !output::print_unless_closed(&format.line(&event))? {
+        let is_wanted = args.kinds.is_empty() || args.kinds.contains(&event.kind) || event.kind == "gap";
+        if is_wanted && !output::print_unless_closed(&format.line(&event))? {
             return Ok(());
         }
         if is_deletion(&event) {
             return Ok(()); // the server closes the stream
         }
-    }
-}
-
-impl Args {
-    fn is_wanted(&self, event: &StreamedEvent) -> bool {
-        self.kinds.is_empty() || self.kinds.contains(&event.kind) || event.kind == "gap"
-    }
-
-    /// Reads the past events, and returns the last ones of the wanted kinds, as many as `--last` says.
-    async fn last_of_kinds(&self, events: &mut EventStream<'_>) -> anyhow::Result<VecDeque<StreamedEvent>> {
-        let mut found = VecDeque::new();
-        let begun = Instant::now();
-        for _ in 0..MAX_PAST {
-            // The events of a busy run never pause.
-            if begun.elapsed() > MAX_PAST_TIME {
-                break;
-            }
-            let Some(event) = events.next_past().await? else { break };
-            let ends = is_deletion(&event);
-            if self.is_wanted(&event) || ends {
-                found.push_back(event);
-            }
-            if ends {
-                break;
-            }
-            if found.len() > self.last as usize {
-                found.pop_front();
-            }
-        }
-        Ok(found)
     }
 }
 

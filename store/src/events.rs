@@ -151,14 +151,23 @@ pub async fn newest(conn: &mut SqliteConnection, run: &str) -> Result<i64, Store
         .await?)
 }
 
-/// Reads the number of the event before the last `n` events of a run. If there are fewer, returns the last deleted event.
+/// Reads the number of the event before the last `n` events of a run that have one of the kinds. If there are fewer, returns
+/// the last deleted event.
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if a query fails.
-pub async fn before_last(conn: &mut SqliteConnection, run: &str, n: u32) -> Result<i64, StoreError> {
+pub async fn before_last(
+    conn: &mut SqliteConnection,
+    run: &str,
+    kinds: &[EventKind],
+    n: u32,
+) -> Result<i64, StoreError> {
+    let kinds = to_json(&kinds)?;
     let before = sqlx::query_scalar!(
-        r#"SELECT id AS "id!: i64" FROM run_events WHERE run = ? ORDER BY id DESC LIMIT 1 OFFSET ?"#,
+        r#"SELECT id AS "id!: i64" FROM run_events WHERE run = ? AND kind IN (SELECT value FROM json_each(?))
+           ORDER BY id DESC LIMIT 1 OFFSET ?"#,
         run,
+        kinds,
         n
     );
     match before.fetch_optional(&mut *conn).await? {

@@ -6,7 +6,7 @@ use std::time::Duration;
 use reqwest::Response;
 use serde_json::Value;
 
-use super::ApiClient;
+use super::{ApiClient, with_query};
 
 /// Silence after which all past events have arrived.
 const PAST_EVENTS_TIMEOUT: Duration = Duration::from_secs(1);
@@ -36,14 +36,19 @@ pub struct EventStream<'a> {
 }
 
 impl<'a> EventStream<'a> {
-    /// Opens the stream of a run with its last events.
+    /// Opens the stream of a run with its last events of these kinds; an empty list means all kinds.
     ///
     /// # Errors
     /// Returns an error if the server cannot be reached or rejects the request.
-    pub async fn open(api: &'a ApiClient, run: &str, last: u32) -> anyhow::Result<Self> {
+    pub async fn open(api: &'a ApiClient, run: &str, kinds: &[String], last: u32) -> anyhow::Result<Self> {
         let path = format!("/v1/runs/{run}/events");
-        let response = api.open_stream(&format!("{path}?last={last}"), None).await?;
-        Ok(Self { api, path, response, parser: EventParser::default(), ready: VecDeque::new() })
+        let (kinds, last) = (kinds.join(","), last.to_string());
+        let mut query = if kinds.is_empty() { vec![] } else { vec![("kind", kinds.as_str())] };
+        // A stream that is opened again starts after the last event.
+        let again = with_query(&path, &query);
+        query.push(("last", &last));
+        let response = api.open_stream(&with_query(&path, &query), None).await?;
+        Ok(Self { api, path: again, response, parser: EventParser::default(), ready: VecDeque::new() })
     }
 
     /// Returns the next past event, or `None` if none arrives for a moment.

@@ -59,6 +59,7 @@ pub(super) async fn stream_events(
     headers: HeaderMap,
 ) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Problem> {
     let run = parse_run_id(&run)?;
+    let kinds = parse_kinds(query.kind.as_deref())?;
     let changes = app.events.subscribe();
     let mut conn = acquire_run_reader(&app, &run).await?;
     let last =
@@ -72,7 +73,9 @@ pub(super) async fn stream_events(
         };
     let after = match (last, query.last) {
         (Some(id), _) => id.max(0),
-        (None, Some(n @ ..=MAX_PAST_EVENTS)) => events::before_last(&mut conn, run.as_str(), n).await?,
+        (None, Some(n @ ..=MAX_PAST_EVENTS)) => {
+            events::before_last(&mut conn, run.as_str(), &kinds, n).await?
+        }
         (None, Some(n)) => {
             return Err(Problem::invalid("last", format!("must be from 0 to {MAX_PAST_EVENTS}, got {n}")));
         }
@@ -90,10 +93,12 @@ pub(super) async fn stream_events(
         changes,
         closing: app.sessions.close_signal(&caller.identity),
         run,
+        kinds,
         after,
         // A client without a last id gets one to resume from: an id alone is not an event, but clients remember it.
         pending: last.is_none().then(|| Event::default().id(after.to_string())).into_iter().collect(),
         is_checked: false,
+        has_more: false,
         is_deleted: false,
         _permit: permit,
     };
@@ -104,6 +109,18 @@ pub(super) async fn stream_events(
     Ok(Sse::new(events).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)))
 }
 
+/// Parses a list of kinds of events; without a list, returns all kinds.
+fn parse_kinds(list: Option<&str>) -> Result<Vec<EventKind>, Problem> {
+    let Some(list) = list else { return Ok(EventKind::ALL.to_vec()) };
+    let parse = |word: &str| {
+        word.trim().parse().map_err(|_| {
+            let known = EventKind::WORDS.join(", ");
+            Problem::invalid("kind", format!("must be some of {known}, separated by commas; got {word:?}"))
+        })
+    };
+    list.split(',').map(parse).collect()
+}
+
 /// State of one event stream.
 struct EventStream {
     readers: SqlitePool,
@@ -111,11 +128,15 @@ struct EventStream {
     changes: watch::Receiver<u64>,
     closing: CloseSignal,
     run: RunId,
+    /// Kinds of the events that the client wants.
+    kinds: Vec<EventKind>,
     /// Id of the last event that was read.
     after: i64,
     pending: VecDeque<Event>,
     /// True once the start of the stream was checked against the stored events.
     is_checked: bool,
+    /// True if the last read may have left events behind.
+    has_more: bool,
     /// True once the run was deleted: the stream ends after the pending events.
     is_deleted: bool,
     _permit: QuotaPermit,
@@ -139,7 +160,8 @@ impl EventStream {
                 tracing::warn!(run = %self.run, %error, "Events cannot be read; the stream is closed.");
                 return None;
             }
-            if self.pending.is_empty() && !self.is_deleted {
+            // A batch without an event of the wanted kinds may be followed by others.
+            if self.pending.is_empty() && !self.is_deleted && !self.has_more {
                 tokio::select! {
                     changed = self.changes.changed() => changed.ok()?,
                     _ = self.closing.closed() => return None,
@@ -176,14 +198,18 @@ impl EventStream {
         }
         self.is_checked = true;
         let rows = events::after(&mut conn, run, self.after, EVENT_BATCH).await?;
-        self.is_deleted = !exists && (rows.len() as i64) < EVENT_BATCH;
+        self.has_more = rows.len() as i64 == EVENT_BATCH;
+        self.is_deleted = !exists && !self.has_more;
         for EventRow { id, kind, body, at } in rows {
+            self.after = id;
+            if !self.kinds.contains(&kind) {
+                continue;
+            }
             let mut data: Value = from_json("an event", &body)?;
             if let Some(fields) = data.as_object_mut() {
                 fields.insert("at".to_owned(), rfc3339(at).into());
             }
             self.pending.push_back(sse_event(id, kind.as_str(), &data));
-            self.after = id;
         }
         if self.is_deleted {
             // This event is not stored: the events of a deleted run may be gone before a listener reads them.

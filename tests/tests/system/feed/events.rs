@@ -95,6 +95,13 @@ async fn events_are_ordered_and_can_be_resumed() {
         ids.push(resumed.next().await.unwrap().id);
     }
     assert!(ids.is_sorted() && ids[0] > taken.id && ids[4] == events[3].id);
+    // `kind` selects events, and `last` counts these.
+    let mut some = EventStream::new(&api, "/v1/runs/run/events?kind=lease,failures&last=2", None).await;
+    let kinds = [some.next().await.unwrap().kind, some.next().await.unwrap().kind];
+    assert_eq!(kinds, ["lease", "failures"]);
+    let wrong = api.get("/v1/runs/run/events?kind=lease,moves").await.expect(422);
+    assert_eq!(wrong["field"], "kind");
+    assert!(wrong["detail"].as_str().unwrap().contains("got \"moves\""), "{wrong}");
     // Without `last-event-id` or `after`, the stream has only new events.
     let mut fresh = EventStream::new(&api, "/v1/runs/run/events", None).await;
     let _ = api.post("/v1/runs/run/pause", json!({})).await.expect(200);
