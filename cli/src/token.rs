@@ -15,7 +15,7 @@ use store::{DatabaseLock, OpenError, transactions};
 
 use super::db::{DatabaseArgs, open_readers};
 use clock::{Clock, Millis, rfc3339};
-use commands::output::{self, Column, JsonFlag, OutputTarget, TextTable};
+use commands::output::{self, Column, JsonFlag, OutputTarget, Report, TextTable};
 use orchestrator::tokens::Token;
 
 /// Create, list and revoke the access tokens of a server.
@@ -207,10 +207,7 @@ async fn list(conn: &mut SqliteConnection, now: Millis, json: bool) -> anyhow::R
         )
         .map(|()| ExitCode::SUCCESS);
     }
-    if tokens.is_empty() {
-        output::print("There are no tokens: the server accepts only clients on its own machine.")?;
-        return Ok(ExitCode::SUCCESS);
-    }
+    let is_empty = tokens.is_empty();
     let mut table = TextTable::new([
         Column::number("token"),
         Column::text("name"),
@@ -233,7 +230,15 @@ async fn list(conn: &mut SqliteConnection, now: Millis, json: bool) -> anyhow::R
             at(token.used_at, "never"),
         ]);
     }
-    output::print(&table.render(OutputTarget::stdout()))?;
+    let mut report = Report::default();
+    if is_empty {
+        report.paragraph("There are no tokens: the server accepts only clients on its own machine.");
+    }
+    // Programs read the header of an empty table.
+    if !is_empty || OutputTarget::stdout() == OutputTarget::Piped {
+        report.table(table);
+    }
+    output::print_report(&report)?;
     Ok(ExitCode::SUCCESS)
 }
 

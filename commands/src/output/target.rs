@@ -42,10 +42,25 @@ impl OutputTarget {
                     .word_splitter(textwrap::WordSplitter::NoHyphenation)
                     .break_words(false)
                     .subsequent_indent(indent);
-                textwrap::fill(text, options)
+                textwrap::fill(&join_code(text), options).replace(CODE_SPACE, " ")
             }
         }
     }
+}
+
+/// Stands for a space within code while text is wrapped.
+const CODE_SPACE: char = '\u{e000}';
+/// Largest length of code that is kept on one line, in characters.
+const MAX_JOINED_CODE: usize = 40;
+
+/// Joins the words of code such as `sparring runs list`, so that it is not wrapped.
+fn join_code(text: &str) -> String {
+    let parts = text.split('`').enumerate();
+    let join = |(at, part): (usize, &str)| {
+        let is_code = at % 2 == 1 && part.chars().count() <= MAX_JOINED_CODE;
+        if is_code { part.replace(' ', &CODE_SPACE.to_string()) } else { part.to_owned() }
+    };
+    parts.map(join).collect::<Vec<_>>().join("`")
 }
 
 #[cfg(test)]
@@ -61,5 +76,8 @@ mod tests {
           very-long-identifier-that-does-not-fit-anywhere
         ");
         assert_eq!(OutputTarget::Piped.wrap(text, "  "), text);
+        let code =
+            OutputTarget::Terminal(40).wrap("name one of the runs that `sparring runs list` prints", "  ");
+        assert_eq!(code, "name one of the runs that\n  `sparring runs list` prints");
     }
 }
