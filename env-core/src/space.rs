@@ -233,6 +233,18 @@ pub struct ScoreRange {
     pub max: f64,
 }
 
+impl ScoreRange {
+    /// Share of the range by which two scores may differ and count as equal. A trainer that sums a thousand rewards in single
+    /// precision is off by at most 1e-5 of the range (each addition errs by 2^-24 of the sum).
+    pub const EQUAL_SHARE: f64 = 1e-4;
+
+    /// Largest difference of two scores that count as equal.
+    #[must_use]
+    pub fn tolerance(&self) -> f64 {
+        Self::EQUAL_SHARE * (self.max - self.min)
+    }
+}
+
 /// Names of a parameter space, separated by commas.
 #[must_use]
 pub fn param_names(space: &[ParamSpec]) -> String {

@@ -22,6 +22,7 @@ use crate::leases::refill;
 use crate::leases::scenario_cache::ScenarioCache;
 use crate::results::observe::observe;
 use crate::results::report_summary::ReportSummary;
+use crate::results::score_tolerance;
 use crate::{designs, evaluations};
 
 /// Times a scenario is offered at most: a scenario that crashes every trainer must not return for ever.
@@ -90,7 +91,8 @@ pub(crate) async fn update_and_close(
 }
 
 fn closed_group(lease: &LeaseRow, group: &GroupRow, statistics: &GroupResult) -> GroupReceipt {
-    let is_flat = statistics.lowest.zip(statistics.highest).map(|(lowest, highest)| highest <= lowest);
+    let spread = statistics.lowest.zip(statistics.highest).map(|(lowest, highest)| highest - lowest);
+    let is_flat = spread.map(|spread| spread <= score_tolerance(&group.task));
     GroupReceipt {
         lease: lease.name(),
         group: group.number,

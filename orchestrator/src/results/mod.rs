@@ -16,4 +16,7 @@ pub mod report;
 pub mod report_batch;
 pub mod report_summary;
 pub mod reported;
+mod score_tolerance;
 pub mod store_verdict;
+
+pub(crate) use self::score_tolerance::score_tolerance;

@@ -3,7 +3,7 @@
 use store::episodes::EpisodeRow;
 use store::groups::GroupRow;
 
-use crate::results::columns::table::MAX_SCORE_GAP;
+use crate::results::score_tolerance;
 
 /// Outcome of comparing an audited episode with its claim.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -28,11 +28,7 @@ pub(crate) fn check_episode(claimed: Option<f64>, group: &GroupRow, row: &Episod
             return AuditCheck::Differs("the report is finished, but the claim is failed".to_owned());
         }
     };
-    let range = env_core::task(&group.task).map_or(1.0, |task| {
-        let range = task.score_range();
-        range.max - range.min
-    });
-    if (score - claimed).abs() <= MAX_SCORE_GAP * range {
+    if (score - claimed).abs() <= score_tolerance(&group.task) {
         AuditCheck::Agrees
     } else {
         AuditCheck::Differs(format!("the log replays to the score {score:.6}, but the claim is {claimed:.6}"))

@@ -20,7 +20,7 @@ use crate::leases::lease_service::LeaseService;
 use crate::results::columns::draw::{DrawnGroup, RecipeRange, draw_audit};
 use crate::results::columns::settle::settle;
 use crate::results::columns::status::{ClaimStatus, claim_status_of};
-use crate::results::columns::table::{Columns, MAX_SCORE_GAP, range_episodes, range_totals};
+use crate::results::columns::table::{Columns, range_episodes, range_totals};
 use crate::runs::settings::RunSettings;
 
 /// Share of failed episodes above which a claim is no evidence; the same share as of a block.
@@ -82,7 +82,7 @@ fn check_scores(
     group_size: usize,
     scores: env_core::space::ScoreRange,
 ) -> Result<(), ServiceError> {
-    let tolerance = MAX_SCORE_GAP * (scores.max - scores.min);
+    let tolerance = scores.tolerance();
     for at in range_episodes(range, group_size) {
         let score = f64::from(columns.scores[at]);
         let is_possible = (scores.min - tolerance..=scores.max + tolerance).contains(&score);

@@ -6,9 +6,6 @@ use store::{StoreError, digest};
 use crate::engine::error::ServiceError;
 use crate::leases::columns::MAX_COLUMN_GROUPS;
 
-/// Largest difference between a claimed score and its replay, as a share of the score's range. A trainer that sums a thousand rewards
-/// in single precision is off by at most 1e-5 of the range (each addition errs by 2^-24 of the sum).
-pub const MAX_SCORE_GAP: f64 = 1e-4;
 /// Codec of stored columns: zstd of the scores (f32), the steps (u32, if claimed), and one byte per episode that says whether it failed
 /// (if any did).
 const CODEC: u8 = 1;

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use serde_json::{Value, json};
-use system_tests::{Lease, Server, episode_result, wait_for};
+use system_tests::{ApiClient, Lease, Server, episode_result, wait_for};
 
 use super::{SURVIVAL, groups};
 
@@ -55,6 +55,38 @@ async fn zero_variance_groups_are_refilled_once() {
         (&counted["complete"], &counted["zero_variance"], &counted["zero_variance_share"]),
         (&json!(8), &json!(8), &json!(1.0))
     );
+}
+
+/// Siblings whose first burns differ by `step` LU/TU each, in one group of eight.
+async fn report_siblings(api: &ApiClient, run: &str, step: f64) -> Value {
+    let settings = json!({"id": run, "seed": 1, "tasks": ["kessler/eco_station"], "group_size": 8, "placement": false,
+        "design": {"designer": "off"}});
+    let _ = api.post("/v1/runs", settings).await.expect(201);
+    let lease = api.lease(run, json!({"groups": 1, "refill": true})).await;
+    let results = lease.episodes().into_iter().enumerate().map(|(at, (id, scenario))| {
+        let mut result = episode_result(&id, &scenario, "hold");
+        result["actions"]["steps"][0] = json!([[0, 0.01 + step * at as f64, 0.0]]);
+        result
+    });
+    api.report(run, results.collect()).await["groups"][0].clone()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn float_noise_is_no_variance() {
+    let server = Server::start().await;
+    let api = server.api();
+    let noise = report_siblings(&api, "noise", 1e-9).await;
+    assert_eq!((&noise["finished"], &noise["zero_variance"]), (&json!(8), &json!(true)), "{noise}");
+    let differs = report_siblings(&api, "differs", 0.02).await;
+    assert_eq!((&differs["finished"], &differs["zero_variance"]), (&json!(8), &json!(false)), "{differs}");
+    // The group is replaced, as one with equal scores.
+    let mastery = api.get("/v1/runs/noise/mastery").await.expect(200);
+    assert_eq!(mastery["tasks"][0]["group_counts"]["zero_variance"], 1);
+    wait_for("a group is added", async || {
+        let leases = api.get("/v1/runs/noise/leases").await.expect(200);
+        (leases["leases"][0]["groups"] == 2).then_some(())
+    })
+    .await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
