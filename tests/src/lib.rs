@@ -118,6 +118,8 @@ pub struct ApiClient {
     client: reqwest::Client,
     base: String,
     token: Option<String>,
+    /// Name of the OpenEnv session of all requests.
+    session: Option<String>,
 }
 
 /// Response of the API: status, some headers and the JSON body.
@@ -159,13 +161,19 @@ impl ApiClient {
     /// Creates a client of the server at the URL `base`.
     #[must_use]
     pub fn new(base: &str) -> Self {
-        Self { client: http_client(), base: base.to_owned(), token: None }
+        Self { client: http_client(), base: base.to_owned(), token: None, session: None }
     }
 
     /// Returns the same client with a bearer token.
     #[must_use]
     pub fn with_token(self, token: &str) -> Self {
         Self { token: Some(token.to_owned()), ..self }
+    }
+
+    /// Returns the same client with a name of its OpenEnv session.
+    #[must_use]
+    pub fn with_session(self, name: &str) -> Self {
+        Self { session: Some(name.to_owned()), ..self }
     }
 
     /// URL of the server.
@@ -207,6 +215,9 @@ impl ApiClient {
             self.client.request(method, format!("{}{path}", self.base)).header("content-type", content_type);
         if let Some(token) = &self.token {
             request = request.bearer_auth(token);
+        }
+        if let Some(session) = &self.session {
+            request = request.header("x-session-id", session);
         }
         let response = request.body(body).send().await?;
         let header =

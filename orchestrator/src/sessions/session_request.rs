@@ -95,6 +95,8 @@ pub enum EpisodeSource {
         group: Option<String>,
         /// Id of the episode, if the client named one.
         episode: Option<EpisodeId>,
+        /// Version of the policy that acts; `None` for the version of the lease.
+        policy_version: Option<u32>,
     },
 }
 
@@ -132,7 +134,7 @@ impl SessionRequest {
         }
         // A text that is not an episode id is the client's own name for the episode.
         let episode = episode_id.and_then(|id| id.parse::<EpisodeId>().ok());
-        Ok(EpisodeSource::Lease { run, lease, group, episode })
+        Ok(EpisodeSource::Lease { run, lease, group, episode, policy_version })
     }
 
     fn resolve_scenario(self, default_task: &'static dyn TaskSpec) -> Result<Scenario, SessionRequestError> {

@@ -8,13 +8,15 @@ use axum::response::Response;
 use serde_json::{Map, Value};
 
 use super::super::access::Caller;
+use openenv_wire::LocSegment;
+
 use super::body::{self, Body};
 use super::error_response::{ErrorResponse, request_error};
 use super::fields::{FieldReader, read_session_request};
 use super::step_response;
 use super::tasks::{RESET_ORDER, built_in_task};
 use crate::http::state::AppState;
-use crate::sessions::{MAX_NAME_CHARS, SessionKey, SessionStatus};
+use crate::sessions::{EpisodeSource, MAX_NAME_CHARS, SessionKey, SessionStatus};
 
 /// Header that names the session of a request.
 pub(super) const SESSION_HEADER: &str = "x-session-id";
@@ -36,8 +38,16 @@ pub(super) fn session_key(headers: &HeaderMap, caller: &Caller) -> Result<Sessio
 
 /// Returns the key of the web session that a request names, by header or cookie, or of the shared web session.
 pub(super) fn web_session_key(headers: &HeaderMap, caller: &Caller) -> Result<SessionKey, ErrorResponse> {
-    let is_named = headers.contains_key(SESSION_HEADER) || session_cookie(headers).is_some();
-    if is_named { session_key(headers, caller) } else { Ok(SessionKey::new(&caller.identity, "web")) }
+    if names_session(headers) {
+        session_key(headers, caller)
+    } else {
+        Ok(SessionKey::new(&caller.identity, "web"))
+    }
+}
+
+/// Returns true if a request names its session, by header or by the cookie of a browser.
+pub(super) fn names_session(headers: &HeaderMap) -> bool {
+    headers.contains_key(SESSION_HEADER) || session_cookie(headers).is_some()
 }
 
 /// Returns the value of the session cookie.
@@ -68,7 +78,9 @@ pub(super) async fn reset_environment(
     let name = session_key(&headers, &caller)?;
     let session = app.sessions.get_or_open(&caller.identity, &name)?;
     let mut session = session.lock().await;
-    let response = begin_episode(&mut session, fields.unwrap_or_default(), RESET_ORDER[0]).await;
+    // A cookie is shared by all requests of a client, so it does not tell its rollouts apart.
+    let is_own = headers.contains_key(SESSION_HEADER);
+    let response = begin_episode(&mut session, fields.unwrap_or_default(), RESET_ORDER[0], is_own).await;
     close_if_unused(&app, &name, &session);
     response
 }
@@ -80,11 +92,13 @@ pub(super) fn close_if_unused(app: &AppState, name: &SessionKey, session: &crate
     }
 }
 
-/// Begins an episode. The task is `default_task` if the request names none.
+/// Begins an episode. The task is `default_task` if the request names none. Only a session that the client does not share
+/// (`is_own`) runs episodes of a run: in a shared one, the steps of two rollouts would alternate in one log.
 pub(super) async fn begin_episode(
     session: &mut crate::sessions::Session,
     fields: Map<String, Value>,
     default_task: &str,
+    is_own: bool,
 ) -> Result<Response, ErrorResponse> {
     let mut fields = FieldReader::new(&fields, body::body_location());
     let request = read_session_request(&mut fields);
@@ -95,6 +109,13 @@ pub(super) async fn begin_episode(
     let resolved = request
         .resolve(built_in_task(default_task))
         .map_err(|error| ErrorResponse::validation(&[request_error(&error, &body::body_location())]))?;
+    if !is_own && !matches!(resolved, EpisodeSource::Scenario(_)) {
+        let location =
+            vec![LocSegment::Field("header".to_owned()), LocSegment::Field("X-Session-Id".to_owned())];
+        let message = "an episode of a run needs a session of its own: send the header X-Session-Id with a name of your \
+                       choice, another one for each rollout, and send it with each step";
+        return Err(ErrorResponse::single("missing", location, message, Value::Null));
+    }
     Ok(step_response::http_response(&session.reset(resolved, name).await?))
 }
 

@@ -93,7 +93,9 @@ pub(super) async fn reset(
     let session = app.sessions.get_or_open(&caller.identity, &name)?;
     let mut session = session.lock().await;
     let default_task = RESET_ORDER[usize::try_from(session.resets()).unwrap_or_default() % RESET_ORDER.len()];
-    let response = simulation::begin_episode(&mut session, fields.unwrap_or_default(), default_task).await;
+    let is_own = simulation::names_session(&headers);
+    let response =
+        simulation::begin_episode(&mut session, fields.unwrap_or_default(), default_task, is_own).await;
     simulation::close_if_unused(&app, &name, &session);
     let response = response?;
     app.episode_boards.show_reset(&name, &session);

@@ -112,7 +112,8 @@ impl SessionLeases {
             EpisodeSource::Run { run, group: None, group_size, policy_version } => {
                 let pool = self.lease_group(run, Some(group_size.unwrap_or(1)), policy_version).await?;
                 let is_exclusive = group_size.is_none();
-                self.reserve_in(Arc::new(Mutex::new(pool)), None, None, is_exclusive)
+                let reserved = self.reserve_in(Arc::new(Mutex::new(pool)), None, None, is_exclusive);
+                reserved.map(|episode| episode.with_policy_version(policy_version))
             }
             EpisodeSource::Run { run, group: Some(group), group_size, policy_version } => {
                 let cell = self.pool_cell(PoolKey::Group(run.clone(), group.clone()));
@@ -121,11 +122,14 @@ impl SessionLeases {
                     Ok::<_, ServiceError>(Arc::new(Mutex::new(pool)))
                 };
                 let pool = Arc::clone(cell.get_or_try_init(lease).await?);
-                self.reserve_in(pool, Some(&group), None, false)
+                check_group_size(&pool, &group, group_size)?;
+                let reserved = self.reserve_in(pool, Some(&group), None, false);
+                reserved.map(|episode| episode.with_policy_version(policy_version))
             }
-            EpisodeSource::Lease { run, lease, group, episode } => {
+            EpisodeSource::Lease { run, lease, group, episode, policy_version } => {
                 let pool = self.lease_pool(run, lease).await?;
-                self.reserve_in(pool, group.as_deref(), episode.as_ref(), false)
+                let reserved = self.reserve_in(pool, group.as_deref(), episode.as_ref(), false);
+                reserved.map(|episode| episode.with_policy_version(policy_version))
             }
         }
     }
@@ -249,6 +253,7 @@ impl SessionLeases {
             episode: EpisodeId { lease, index },
             scenario,
             judge,
+            policy_version: None,
             is_exclusive,
             is_reported: false,
             run_end,
@@ -322,6 +327,18 @@ impl SessionLeases {
             run_end,
             groups,
         })
+    }
+}
+
+/// Checks the group size of a request against the group that another session opened.
+fn check_group_size(pool: &SharedPool, group: &str, wanted: Option<u32>) -> Result<(), ServiceError> {
+    let size = pool.lock().group_size;
+    match wanted {
+        Some(wanted) if i64::from(wanted) != size => {
+            let reason = format!("must be {size}, the size of the open group {group:?}, got {wanted}");
+            Err(ServiceError::invalid("group_size", reason))
+        }
+        _ => Ok(()),
     }
 }
 

@@ -29,6 +29,8 @@ pub(crate) struct EpisodeReservation {
     pub(crate) scenario: Scenario,
     /// Judge of the steps, if the run's settings name one.
     pub(crate) judge: Option<Judge>,
+    /// Version of the policy that acts; `None` for the version of the lease.
+    pub(super) policy_version: Option<u32>,
     /// True if the lease was taken for this session alone.
     pub(super) is_exclusive: bool,
     pub(super) is_reported: bool,
@@ -36,6 +38,12 @@ pub(crate) struct EpisodeReservation {
 }
 
 impl EpisodeReservation {
+    /// Sets the version of the policy that acts. Siblings of a group may have different versions.
+    pub(super) fn with_policy_version(mut self, policy_version: Option<u32>) -> Self {
+        self.policy_version = policy_version;
+        self
+    }
+
     /// Returns true if a source has the same lease, or a named group of the same run.
     pub(crate) fn overlaps(&self, source: &EpisodeSource) -> bool {
         match source {
@@ -66,7 +74,7 @@ impl EpisodeReservation {
         let claim = ReportedEpisode {
             episode: self.episode.to_string(),
             outcome: ReportedOutcome::Logged(log.clone()),
-            policy_version: None,
+            policy_version: self.policy_version,
             metrics: None,
         };
         let receipts = self.leases.report(&self.run, &[claim]).await?;

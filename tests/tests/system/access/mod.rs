@@ -187,14 +187,14 @@ async fn openenv_can_be_public_alone() {
     assert_eq!(api.get("/v1/runs").await.status, 401);
     let trainer = api.clone().with_token(&tokens["trainer"]);
     let _ = trainer.post("/v1/runs", json!({"id": "run"})).await.expect(201);
-    let rejected = api.post("/reset", json!({"run": "run"})).await;
+    let rejected = api.clone().with_session("own").post("/reset", json!({"run": "run"})).await;
     assert!(
         rejected.status == 422 && rejected.body.to_string().contains("cannot run episodes of runs"),
         "{}",
         rejected.body
     );
     let _ = trainer.lease("run", json!({"groups": 1})).await; // waits until scenarios are prepared
-    let _ = trainer.post("/reset", json!({"run": "run"})).await.expect(200);
+    let _ = trainer.with_session("own").post("/reset", json!({"run": "run"})).await.expect(200);
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -2,5 +2,6 @@
 
 mod captured_exchanges;
 mod judge;
+mod run_sessions;
 mod sessions;
 mod socket;
