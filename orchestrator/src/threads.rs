@@ -1,5 +1,7 @@
 //! Thread pools for computation, each with a scheduling priority.
 
+use std::sync::Arc;
+
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
 /// Scheduling priority of a thread. Only Linux has priorities for single threads; on other systems all threads are equal.
@@ -42,12 +44,13 @@ pub fn pool(
     name: &'static str,
     threads: usize,
     priority: ThreadPriority,
-) -> Result<ThreadPool, ThreadPoolBuildError> {
+) -> Result<Arc<ThreadPool>, ThreadPoolBuildError> {
     ThreadPoolBuilder::new()
         .num_threads(threads)
         .thread_name(move |i| format!("{name}-{i}"))
         .start_handler(move |_| priority.apply())
         .build()
+        .map(Arc::new)
 }
 
 /// Half of the number of cores, rounded up.

@@ -90,7 +90,9 @@ impl TextTable {
 
     /// Formats the table as tab-separated values with a header.
     fn tab_separated(&self) -> String {
-        let titles: Vec<&str> = self.columns.iter().map(|column| column.title.as_str()).collect();
+        // A no-break space only keeps the words of a title together on a terminal.
+        let titles: Vec<String> =
+            self.columns.iter().map(|column| column.title.replace('\u{a0}', " ")).collect();
         let rows = self.rows.iter().map(|row| row.join("\t"));
         std::iter::once(titles.join("\t")).chain(rows).collect::<Vec<_>>().join("\n")
     }
@@ -234,5 +236,8 @@ mod tests {
         run-1a2b3c4d5e6f→active→12→2026-11-26T10:00:00Z→7 of 32 outcomes are missing, so the level cannot rise.
         sweep-3→paused→0→2026-11-25T10:00:00Z→a tab and a line end
         ");
+        let mut table = TextTable::new([Column::number("mastery (10–90\u{a0}%)")]);
+        table.add_row(["0.5"]);
+        assert_eq!(table.render(OutputTarget::Piped), "mastery (10–90 %)\n0.5");
     }
 }

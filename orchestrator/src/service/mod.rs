@@ -72,7 +72,7 @@ impl Service {
             readers: readers.clone(),
             ready,
             gates: Arc::default(),
-            replay_pool: thread_pool("replay", 0, ThreadPriority::Bulk)?,
+            replay_pool: threads::pool("replay", 0, ThreadPriority::Bulk).map_err(StartError::Threads)?,
         };
         let sessions = create_sessions(&config, surface, &lease_service)?;
         let workers = match &config.process_token {
@@ -179,7 +179,7 @@ fn create_sessions(
 ) -> Result<Arc<SessionManager>, StartError> {
     let allow_runs = config.sessions.allow_runs && surface == ApiSurface::Whole;
     let limits = SessionLimits { allow_runs, ..config.sessions };
-    let threads = thread_pool("sessions", 0, ThreadPriority::Normal)?;
+    let threads = threads::pool("sessions", 0, ThreadPriority::Normal).map_err(StartError::Threads)?;
     Ok(Arc::new(SessionManager::new(limits, lease_service.clone(), Arc::clone(&config.judges), threads)))
 }
 
@@ -232,13 +232,4 @@ fn spawn_workers(
         endpoint: config.endpoint.clone(),
     };
     workers.spawn().map_err(StartError::Threads)
-}
-
-/// Creates a pool of `count` threads, or of one thread for each core if `count` is 0.
-fn thread_pool(
-    name: &'static str,
-    count: usize,
-    priority: ThreadPriority,
-) -> Result<Arc<rayon::ThreadPool>, StartError> {
-    threads::pool(name, count, priority).map(Arc::new).map_err(StartError::Threads)
 }

@@ -63,7 +63,7 @@ impl WorkerConfig {
             wake: signals.prepare,
             ready,
             unsolvable: Arc::default(),
-            pool: shared_pool("prepare", prepare::MAX_JOBS, ThreadPriority::Bulk)?,
+            pool: threads::pool("prepare", prepare::MAX_JOBS, ThreadPriority::Bulk)?,
         };
         let critic = CritiqueWorker {
             readers: readers.clone(),
@@ -102,13 +102,5 @@ impl WorkerConfig {
 
 /// Pool of the lowest priority, of half of the cores.
 fn background_pool(name: &'static str) -> Result<Arc<ThreadPool>, ThreadPoolBuildError> {
-    shared_pool(name, threads::half_of_cores(), ThreadPriority::Background)
-}
-
-fn shared_pool(
-    name: &'static str,
-    count: usize,
-    priority: ThreadPriority,
-) -> Result<Arc<ThreadPool>, ThreadPoolBuildError> {
-    threads::pool(name, count, priority).map(Arc::new)
+    threads::pool(name, threads::half_of_cores(), ThreadPriority::Background)
 }
