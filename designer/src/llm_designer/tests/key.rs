@@ -44,6 +44,9 @@ async fn repeated_key_appears_in_no_output() {
         ResponseTemplate::new(200).set_body_json(json!({"choices": [{"message": {"refusal": KEY}}]})),
     ])
     .await;
+    // A test on another thread may have met a log statement for the first time while the subscriber was set, and have
+    // disabled it.
+    tracing::callsite::rebuild_interest_cache();
     let config = LlmConfig { key: Some(KEY.into()), ..test_config(&server.uri()) };
     let mut outputs = vec![format!("{config:?}"), format!("{config:#?}")];
     let client = LlmClient::new(config).unwrap();
