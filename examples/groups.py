@@ -107,12 +107,16 @@ def report(api, run, logs):
 
 def train_on_lease(api, run, version, policy, args):
     """Runs and reports the episodes of one lease; returns the improved policy."""
-    lease_request = {"groups": args.groups, "ttl_s": args.ttl, "policy_version": version}
+    lease_request = {"groups": args.groups, "ttl_s": args.ttl, "policy_version": version, "disclosure": "begin"}
     lease = api.request("POST", f"/{run}/leases", lease_request)
     path, renewed = f"/{run}/leases/{lease['lease']}", time.monotonic()
-    logs, variations = {}, {}
+    logs, variations, begun = {}, {}, []
     try:
-        for group in lease["groups"]:
+        for undisclosed in lease["undisclosed"]:
+            # The server discloses a scenario when its group begins. Groups that never begin return without loss.
+            lease = api.request("POST", path + "/groups/begin", {"groups": [undisclosed["group"]]})
+            group = lease["groups"][0]
+            begun.append(group)
             for episode in group["episodes"]:
                 variations[episode] = [random.gauss(0, 1) for _ in policy]
                 varied = [value * math.exp(SIGMA * draw) for value, draw in zip(policy, variations[episode])]
@@ -121,10 +125,10 @@ def train_on_lease(api, run, version, policy, args):
                 api.request("POST", path + "/renew")
                 renewed = time.monotonic()
     except BaseException:
-        api.request("POST", path + "/release")  # the server offers the unfinished episodes again
+        api.request("POST", path + "/release")  # the server takes the other groups back
         raise
     scores = report(api, run, logs)
-    groups = [group["episodes"] for group in lease["groups"] if all(episode in scores for episode in group["episodes"])]
+    groups = [group["episodes"] for group in begun if all(episode in scores for episode in group["episodes"])]
     gradient = [0.0] * len(policy)
     for episodes in groups:
         for episode, advantage in zip(episodes, advantages([scores[episode] for episode in episodes])):

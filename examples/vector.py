@@ -103,7 +103,7 @@ def linear_policy(weights, rows, cells, agents):
 
 def run_lease(base_url, run, theta, version, rng):
     """Runs the episodes of a lease; returns the variation and the score of each episode, and the counts of the session."""
-    lease = post(base_url, f"/v1/runs/{run}/leases", {"groups": 32, "policy_version": version})["lease"]
+    lease = post(base_url, f"/v1/runs/{run}/leases", {"groups": 32, "policy_version": version, "disclosure": "begin"})["lease"]
     vector = {"envs": ENVS, "observe": "tracks", "threats": THREATS}
     session = VectorSession(base_url, run=run, lease_id=lease, vector=vector)
     cells = session.opened["observation"] // session.agents

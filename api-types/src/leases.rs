@@ -41,6 +41,10 @@ pub struct LeaseRequest {
     /// With `purpose: eval`: id of the evaluation. The lease has at most `groups` of its scenarios that no other active lease has.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub evaluation: Option<String>,
+    /// `lease` (default): the response has all scenarios, and each group counts from then on. `begin`: the trainer receives a
+    /// scenario when it begins the group, and groups that it never begins are returned without loss.
+    #[serde(default)]
+    pub disclosure: LeaseDisclosure,
 }
 
 impl LeaseRequest {
@@ -56,6 +60,7 @@ impl LeaseRequest {
             form: LeaseForm::default(),
             refill: false,
             evaluation: None,
+            disclosure: LeaseDisclosure::default(),
         }
     }
 }
@@ -75,6 +80,35 @@ pub enum LeasePurpose {
     Probe,
     /// Evaluation: results do not move the curriculum. Scenarios have evaluation seeds at the current levels.
     Eval,
+}
+
+/// When a lease discloses its scenarios.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LeaseDisclosure {
+    /// All with the lease.
+    #[default]
+    Lease,
+    /// Group by group, when the trainer begins them.
+    Begin,
+}
+
+/// Request to begin groups of a lease with `disclosure: begin`.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BeginGroupsRequest {
+    /// Numbers of the groups to begin, at least one and at most 1 024.
+    #[schema(min_items = 1, max_items = 1024)]
+    pub groups: Vec<i64>,
+}
+
+/// Group of a lease whose scenario is not disclosed yet.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct UndisclosedGroup {
+    /// Number of the group in the lease.
+    pub group: i64,
+    /// Id of the task.
+    pub task: String,
 }
 
 /// Form in which the episodes of a lease are named and reported.
@@ -110,8 +144,13 @@ pub struct Lease {
     /// Scenarios without their seeds: world, task, params, physics and layout.
     #[schema(value_type = Vec<Object>)]
     pub recipes: Vec<Value>,
-    /// Groups of the lease; for a lease of columns only the audited groups.
+    /// When the lease discloses its scenarios.
+    pub disclosure: LeaseDisclosure,
+    /// Disclosed groups of the lease; for a lease of columns only the audited groups.
     pub groups: Vec<LeasedGroup>,
+    /// Groups that can be begun; omitted if there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub undisclosed: Vec<UndisclosedGroup>,
     /// All groups of a lease of columns, as ranges of seeds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ranges: Option<Vec<SeedRange>>,

@@ -42,6 +42,8 @@ pub struct TaskMastery {
     pub claimed_results: ClaimedEpisodeCounts,
     /// Numbers of closed groups with several episodes; all zeros if groups have one episode.
     pub group_counts: GroupCounts,
+    /// Reason why the level does not rise although results are there, in one sentence; null if missing results hold nothing back.
+    pub held_back: Option<String>,
     /// Progress of the current block, and the conditions of the next level move.
     #[schema(value_type = Object)]
     pub status: TaskStatus,
@@ -49,20 +51,25 @@ pub struct TaskMastery {
     pub warnings: Vec<String>,
 }
 
-/// Posterior of success: Beta(1, 1) updated by the last 64 contested scenarios.
+/// Posterior of success: Beta(1, 1) updated by the last 64 slots. Mean and 10 % quantile count missing episodes as failures, the 90 %
+/// quantile as successes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct MasteryEstimate {
     /// Level of the estimate.
     pub level: Option<u32>,
-    /// Number of scenarios behind the estimate.
+    /// Number of slots behind the estimate.
     pub n: u32,
-    /// Mean of the posterior.
+    /// Mean of the posterior, missing episodes counted as failures.
     pub mean: f64,
-    /// 10 % quantile of the posterior.
+    /// 10 % quantile of the posterior, missing episodes counted as failures.
     pub q10: f64,
-    /// 90 % quantile of the posterior.
+    /// 90 % quantile of the posterior, missing episodes counted as successes.
     pub q90: f64,
-    /// Number of scenarios since the start of the run.
+    /// Share of the outcomes behind the estimate that are missing, from 0 to 1.
+    pub missing: f64,
+    /// Number of slots that do not count yet: leased without a result, or with one that waits for earlier slots.
+    pub open: u32,
+    /// Number of slots since the start of the run.
     pub seen: u64,
 }
 
@@ -70,7 +77,7 @@ impl MasteryEstimate {
     /// Estimate of a level without evidence: Beta(1, 1), the uniform distribution.
     #[must_use]
     pub const fn without_evidence(level: u32) -> Self {
-        Self { level: Some(level), n: 0, mean: 0.5, q10: 0.1, q90: 0.9, seen: 0 }
+        Self { level: Some(level), n: 0, mean: 0.5, q10: 0.1, q90: 0.9, missing: 0.0, open: 0, seen: 0 }
     }
 }
 
@@ -100,8 +107,12 @@ pub struct EpisodeCounts {
     pub failed: i64,
     /// Number of expired episodes.
     pub expired: i64,
-    /// Success rate: successes / episodes.
+    /// Success rate with missing episodes counted as failures: successes / (episodes + failed + expired).
     pub success: Option<f64>,
+    /// Success rate with missing episodes counted as successes.
+    pub success_high: Option<f64>,
+    /// Share of missing episodes, (failed + expired) / (episodes + failed + expired).
+    pub missing: Option<f64>,
     /// Mean score of the episodes.
     pub score: Option<f64>,
     /// Mean skill, over scenarios that define one.

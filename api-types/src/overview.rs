@@ -35,12 +35,16 @@ pub struct TaskOverview {
     pub task: String,
     /// Current level; null during placement and under a strategy without levels.
     pub level: Option<i64>,
-    /// Mean of the posterior of success on contested scenarios; null before there is evidence.
+    /// Mean of the posterior of success on contested scenarios, missing episodes counted as failures; null before there is evidence.
     pub mastery: Option<f64>,
-    /// 10 % quantile of the posterior.
+    /// 10 % quantile of the posterior, missing episodes counted as failures.
     pub mastery_low: Option<f64>,
-    /// 90 % quantile of the posterior.
+    /// 90 % quantile of the posterior, missing episodes counted as successes.
     pub mastery_high: Option<f64>,
+    /// Share of the outcomes behind the posterior that are missing.
+    pub missing: Option<f64>,
+    /// Reason why the level does not rise although results are there, in one sentence; null if missing results hold nothing back.
+    pub held_back: Option<String>,
 }
 
 /// Latest event of a run.

@@ -197,7 +197,7 @@ pub struct GroupRefill {
 pub enum ReceiptStatus {
     /// The episode counts, and its group can move the curriculum.
     Counted,
-    /// The episode is a statistic only. It is of an evaluation, a designed layout (unless `design.evidence` is set), a policy version
+    /// The episode is a statistic only. It is of an evaluation, a designed layout, a policy version
     /// that is too old, or a training lease while evidence comes from probes.
     Stored,
     /// The replay agrees with the columns of the lease. The episode counts once all audited ones are reported.
@@ -261,6 +261,8 @@ pub enum RefusalCode {
     Expired,
     /// The replay contradicts the columns of the lease, which are refused.
     ColumnsMismatch,
+    /// The group of the episode was not begun, so its scenario is not disclosed.
+    NotBegun,
 }
 
 impl RefusalCode {
@@ -275,6 +277,7 @@ impl RefusalCode {
         Self::VersionMismatch,
         Self::Expired,
         Self::ColumnsMismatch,
+        Self::NotBegun,
     ];
 
     /// Name of the value, as in JSON and in metrics.
@@ -290,6 +293,7 @@ impl RefusalCode {
             Self::VersionMismatch => "version_mismatch",
             Self::Expired => "expired",
             Self::ColumnsMismatch => "columns_mismatch",
+            Self::NotBegun => "not_begun",
         }
     }
 }

@@ -170,9 +170,6 @@ pub struct DesignSettingsRequest {
     pub designer: Option<DesignerChoice>,
     /// Largest share of training groups for one layout, above 0 and at most 1 (default 0.05); four groups are always allowed.
     pub layout_share: Option<f64>,
-    /// True if results of designed groups move levels and mastery (default false). Only threats that were designed at the current
-    /// level count.
-    pub evidence: Option<bool>,
     /// Number of active layouts near the current level that are kept in reserve for each task, from 1 to 64 (default 8).
     #[schema(minimum = 1, maximum = 64, default = 8)]
     #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 64>")]

@@ -47,13 +47,13 @@ pub struct TaskSeries {
     pub claimed: Vec<i64>,
     /// Number of failed and expired episodes.
     pub lost: Vec<i64>,
-    /// Success rate of all episodes.
+    /// Success rate of all episodes, missing ones counted as failures.
     pub success: Vec<Option<f64>>,
     /// Mean score of all episodes.
     pub score: Vec<Option<f64>>,
     /// Mean skill, over scenarios that define one.
     pub skill: Vec<Option<f64>>,
-    /// Mean success rate on contested scenarios.
+    /// Mean success rate on slots: contested scenarios that are evidence, missing episodes counted as failures.
     pub contested_success: Vec<Option<f64>>,
     /// Number of contested scenarios with results.
     pub contested_scenarios: Vec<i64>,

@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use api_types::{RunOverview, RunSummary};
+use api_types::{RunOverview, RunSummary, TaskOverview};
 use serde::Serialize;
 
 use super::runs::RunDetails;
@@ -103,7 +103,7 @@ fn report(status: &ServerStatus) -> Report {
         Column::number("episodes"),
         Column::number("episodes/s"),
         Column::number("active leases").optional(2),
-        Column::prose("levels"),
+        Column::prose("levels (10 % to 90 % quantile)"),
         Column::text("latest event").optional(3),
     ]);
     for RunStatusLine { run, overview } in &status.runs {
@@ -119,6 +119,13 @@ fn report(status: &ServerStatus) -> Report {
         ]);
     }
     report.table(table);
+    for RunStatusLine { run, overview } in &status.runs {
+        for task in &overview.tasks {
+            if let Some(held_back) = &task.held_back {
+                report.line(format!("{}, {}: {held_back}.", run.id, short_name(task)));
+            }
+        }
+    }
     if status.run_count > status.runs.len() {
         report.line(format!(
             "{} older runs are not shown; `sparring runs list` lists all.",
@@ -128,11 +135,22 @@ fn report(status: &ServerStatus) -> Report {
     report
 }
 
-/// Lists the levels of a run's tasks, as "survival 3, eco_station 1".
+/// Lists the levels of a run's tasks with their mastery, as "survival 3 (0.55 to 0.81), eco_station 1 (0.10 to 0.90, 12 % missing)".
 fn levels(overview: &RunOverview) -> String {
-    let level = |task: &api_types::TaskOverview| {
-        let name = task.task.rsplit('/').next().unwrap_or(&task.task);
-        format!("{name} {}", task.level.map_or_else(|| "–".to_owned(), |level| level.to_string()))
+    let level = |task: &TaskOverview| {
+        let level = task.level.map_or_else(|| "–".to_owned(), |level| level.to_string());
+        let interval = task.mastery_low.zip(task.mastery_high).map(|(low, high)| {
+            let missing = task.missing.filter(|missing| *missing > 0.0);
+            let missing =
+                missing.map_or_else(String::new, |share| format!(", {:.0} % missing", 100.0 * share));
+            format!(" ({low:.2} to {high:.2}{missing})")
+        });
+        format!("{} {level}{}", short_name(task), interval.unwrap_or_default())
     };
     overview.tasks.iter().map(level).collect::<Vec<_>>().join(", ")
+}
+
+/// Name of a task without its world.
+fn short_name(task: &TaskOverview) -> &str {
+    task.task.rsplit('/').next().unwrap_or(&task.task)
 }

@@ -10,14 +10,16 @@ use crate::core::mastery::{Mastery, MasteryTracker};
 use crate::core::outcome::GroupOutcome;
 use crate::core::proposal::Proposal;
 use crate::core::settings::{Settings, SettingsError, StoredSettings};
+use crate::core::slot::{Slot, StalledSlot};
 use crate::core::snapshot::{RestoreError, Snapshot};
 use crate::core::strategy::{BackgroundJob, Strategy, StrategyContext};
 use crate::strategies;
 
 /// Strategy, mastery and settings of a run, and the seq of its next event.
 ///
-/// Each call of [`propose`](Self::propose), [`observe`](Self::observe) and
-/// [`change_settings`](Self::change_settings) takes one seq and is one [`CurriculumEvent`]. The same events, given in
+/// Each call of [`propose`](Self::propose), [`open_slots`](Self::open_slots), [`withdraw_slots`](Self::withdraw_slots),
+/// [`observe`](Self::observe), [`change_settings`](Self::change_settings) and
+/// [`restart_evidence`](Self::restart_evidence) takes one seq and is one [`CurriculumEvent`]. The same events, given in
 /// that order to [`replay_event`](Self::replay_event), lead to the same curriculum. To undo the calls of a transaction
 /// that may fail, clone the curriculum before it and restore the clone.
 pub struct Curriculum {
@@ -108,9 +110,36 @@ impl Curriculum {
         SequencedProposal { seq: self.take_seq(), proposal }
     }
 
-    /// Takes the outcome of a group into account.
+    /// Takes note of slots: groups whose results are evidence of mastery. Their trainer receives the scenarios after
+    /// this. Returns the seq of this event.
+    pub fn open_slots(&mut self, slots: &[Slot]) -> u64 {
+        for slot in slots {
+            if self.is_relevant(&slot.task, slot.level, slot.proposal) {
+                self.mastery.open(slot);
+                let ctx =
+                    StrategyContext { settings: &self.settings, run_seed: self.run_seed, seq: self.next_seq };
+                self.strategy.open_slot(slot, &ctx);
+            }
+        }
+        self.take_seq()
+    }
+
+    /// Drops open slots that will have no value, because the server lost their groups before a trainer saw them.
+    pub fn withdraw_slots(&mut self, slots: &[Slot]) -> ObservedOutcome {
+        let mut moves = Vec::new();
+        for slot in slots {
+            self.mastery.withdraw(slot);
+            let ctx =
+                StrategyContext { settings: &self.settings, run_seed: self.run_seed, seq: self.next_seq };
+            moves.extend(self.strategy.withdraw_slot(slot, &ctx));
+        }
+        ObservedOutcome { seq: self.take_seq(), moves }
+    }
+
+    /// Takes the outcome of a group into account. An outcome with evidence sets the value of its slot; a slot keeps its
+    /// first value.
     pub fn observe(&mut self, outcome: &GroupOutcome) -> ObservedOutcome {
-        let moves = if self.is_relevant(outcome) {
+        let moves = if self.is_relevant(&outcome.task, outcome.level, outcome.proposal) {
             self.mastery.observe(outcome);
             let ctx =
                 StrategyContext { settings: &self.settings, run_seed: self.run_seed, seq: self.next_seq };
@@ -119,6 +148,25 @@ impl Curriculum {
             Vec::new()
         };
         ObservedOutcome { seq: self.take_seq(), moves }
+    }
+
+    /// Drops all evidence, because results have another meaning from now on: the rule of success or the leases that
+    /// count changed. Levels stay. Outcomes of earlier proposals change nothing any more. Returns the seq of this event.
+    pub fn restart_evidence(&mut self) -> u64 {
+        let tasks: Vec<String> = self.settings.tasks.iter().map(|plan| plan.task.clone()).collect();
+        for task in &tasks {
+            self.mastery.forget(task);
+            self.close_epoch(task);
+        }
+        self.take_seq()
+    }
+
+    /// Lets proposals and slots of a task count from this event on.
+    fn close_epoch(&mut self, task: &str) {
+        self.since.insert(task.to_owned(), self.next_seq);
+        self.mastery.drop_unsettled(task);
+        let ctx = StrategyContext { settings: &self.settings, run_seed: self.run_seed, seq: self.next_seq };
+        self.strategy.close_epoch(task, &ctx);
     }
 
     /// Puts other settings in force and returns the seq of this event. A task keeps its level and mastery unless it is
@@ -140,14 +188,7 @@ impl Curriculum {
             self.mastery.forget(task);
         }
         self.since.retain(|task, _| self.settings.task(task).is_some());
-        // Under other hyperparameters, earlier proposals have another meaning, too.
         let is_other_strategy = old.strategy != self.settings.strategy;
-        let all_changed = is_other_strategy || old.hyperparameters != self.settings.hyperparameters;
-        for plan in &self.settings.tasks {
-            if all_changed || restarted.contains(&plan.task.as_str()) {
-                self.since.insert(plan.task.clone(), self.next_seq);
-            }
-        }
         if is_other_strategy {
             self.strategy = strategies::create(&self.settings);
         } else {
@@ -155,6 +196,12 @@ impl Curriculum {
                 StrategyContext { settings: &self.settings, run_seed: self.run_seed, seq: self.next_seq };
             self.strategy.change_settings(&restarted, &ctx);
         }
+        // Under other hyperparameters, earlier proposals have another meaning, too.
+        let all_changed = is_other_strategy || old.hyperparameters != self.settings.hyperparameters;
+        let tasks = self.settings.tasks.iter().map(|plan| plan.task.clone());
+        let changed: Vec<String> =
+            tasks.filter(|task| all_changed || restarted.contains(&task.as_str())).collect();
+        changed.iter().for_each(|task| self.close_epoch(task));
         Ok(self.take_seq())
     }
 
@@ -176,11 +223,20 @@ impl Curriculum {
                     return Err(RestoreError::OtherProposal { seq, stored, proposed });
                 }
             }
+            CurriculumEvent::Opened(slots) => {
+                self.open_slots(slots);
+            }
+            CurriculumEvent::Withdrawn(slots) => {
+                self.withdraw_slots(slots);
+            }
             CurriculumEvent::Outcome(outcome) => {
                 self.observe(outcome);
             }
             CurriculumEvent::Settings(stored) => {
                 self.change_settings(Settings::try_from(stored.clone())?)?;
+            }
+            CurriculumEvent::EvidenceRestarted => {
+                self.restart_evidence();
             }
         }
         Ok(())
@@ -224,10 +280,34 @@ impl Curriculum {
         self.mastery.mastery(&self.settings)
     }
 
+    /// Slots for which results of later leases wait, at most one for each task and level.
+    #[must_use]
+    pub fn stalled_slots(&self) -> Vec<StalledSlot> {
+        self.mastery.stalled().filter(|slot| slot.later > 0).collect()
+    }
+
     /// Current state of each task.
     #[must_use]
     pub fn status(&self) -> Vec<TaskStatus> {
-        self.strategy.status(&self.settings)
+        let mut tasks = self.strategy.status(&self.settings);
+        for status in &mut tasks {
+            status.warnings = self.warnings(&status.task);
+        }
+        tasks
+    }
+
+    /// Problems of a task that the user should know about, one sentence each.
+    #[must_use]
+    pub fn warnings(&self, task: &str) -> Vec<String> {
+        let mut warnings = self.strategy.warnings(task, &self.settings);
+        warnings.extend(self.mastery.missing_warning(task));
+        warnings
+    }
+
+    /// Number of moves of a task so far, steps of placement and restarts of its evidence included.
+    #[must_use]
+    pub fn epoch(&self, task: &str) -> u32 {
+        self.strategy.epoch(task)
     }
 
     /// Rules, current state and last moves as text.
@@ -236,11 +316,10 @@ impl Curriculum {
         self.strategy.explain(&self.settings)
     }
 
-    /// True if an outcome belongs to a task, level and strategy in force.
-    fn is_relevant(&self, outcome: &GroupOutcome) -> bool {
-        let Some(plan) = self.settings.task(&outcome.task) else { return false };
-        outcome.level.is_none_or(|level| level <= plan.hardest_level())
-            && self.follows_settings(&outcome.task, outcome.proposal)
+    /// True if a proposal's result belongs to a task, level and strategy in force.
+    fn is_relevant(&self, task: &str, level: Option<u32>, proposal: u64) -> bool {
+        let Some(plan) = self.settings.task(task) else { return false };
+        level.is_none_or(|level| level <= plan.hardest_level()) && self.follows_settings(task, proposal)
     }
 
     /// True if a proposal of the task made at `seq` follows the settings in force.

@@ -17,8 +17,8 @@
 //! # Principles
 //!
 //! - Decisions are pure: no database, HTTP, clock, async code or ambient randomness.
-//! - A curriculum is a fold over its [`CurriculumEvent`]s in the order of their seq (sequence number). Each proposal,
-//!   outcome and change of settings takes one seq.
+//! - A curriculum is a fold over its [`CurriculumEvent`]s in the order of their seq (sequence number). Each event takes
+//!   one seq.
 //! - Randomness is a function of run seed and seq. No generator is stored, and a restored run proposes what it would
 //!   have proposed.
 //! - Snapshots and events are stored as JSON. Their field names are part of the stored format and never change; the
@@ -32,6 +32,7 @@ mod strategies;
 mod tests;
 
 pub use self::core::event::CurriculumEvent;
+pub use self::core::evidence::interval::{EpisodeTally, SuccessInterval};
 pub use self::core::evidence::level_move::{BlockSummary, LevelMove, MoveEvidence, MoveKind, ProbeSummary};
 pub use self::core::explanation::{BlockProgress, Explanation, MoveThresholds, TaskExplanation, TaskStatus};
 pub use self::core::mastery::{Mastery, StoredMastery};
@@ -42,6 +43,7 @@ pub use self::core::settings::{
     Hyperparameter, Hyperparameters, Settings, SettingsError, StoredSettings, StoredTaskPlan, StrategyKind,
     Target, TaskPlan, ValueRange,
 };
+pub use self::core::slot::{Slot, SlotKey, StalledSlot};
 pub use self::core::snapshot::{RestoreError, Snapshot};
 pub use self::core::strategy::BackgroundJob;
 pub use self::curriculum::{Curriculum, ObservedOutcome, SequencedProposal};

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use api_types::{ReceiptStatus, RefusalCode};
 use axum::http::{Method, StatusCode};
+use curriculum::Mastery;
 use metrics::{Unit, counter, describe_counter, describe_gauge, describe_histogram, gauge, histogram};
 use serde::Serialize;
 
@@ -77,7 +78,20 @@ pub fn register() {
     describe_gauge!("sparring_level", "Current level, by run and task.");
     describe_gauge!(
         "sparring_mastery",
-        "Mean of the posterior over success on contested scenarios at the current level, by run and task."
+        "Mean of the posterior over success on contested scenarios at the current level, missing episodes counted as failures, by run \
+         and task."
+    );
+    describe_gauge!(
+        "sparring_mastery_low",
+        "10 % quantile of the same posterior, missing episodes counted as failures, by run and task."
+    );
+    describe_gauge!(
+        "sparring_mastery_high",
+        "90 % quantile of the same posterior, missing episodes counted as successes, by run and task."
+    );
+    describe_gauge!(
+        "sparring_missing_share",
+        "Share of the outcomes behind the mastery that are missing, by run and task."
     );
     describe_gauge!("sparring_workers", "Busy workers, by job.");
     describe_gauge!("sparring_build_info", "Always 1; the label is the version of the server.");
@@ -189,13 +203,16 @@ pub fn set_database_bytes(all: i64, free: i64) {
 }
 
 /// Sets level and mastery of a task of a run.
-pub fn set_task(run: &str, task: &str, level: Option<u32>, mastery: Option<f64>) {
+pub fn set_task(run: &str, task: &str, level: Option<u32>, mastery: Option<&Mastery>) {
     let labels = [("run", run.to_owned()), ("task", task.to_owned())];
     if let Some(level) = level {
         gauge!("sparring_level", &labels).set(f64::from(level));
     }
     if let Some(mastery) = mastery {
-        gauge!("sparring_mastery", &labels).set(mastery);
+        gauge!("sparring_mastery", &labels).set(mastery.mean);
+        gauge!("sparring_mastery_low", &labels).set(mastery.q10);
+        gauge!("sparring_mastery_high", &labels).set(mastery.q90);
+        gauge!("sparring_missing_share", &labels).set(mastery.missing);
     }
 }
 

@@ -155,6 +155,7 @@ pub async fn delete_scenarios(conn: &mut SqliteConnection, ids: &[Vec<u8>]) -> R
     let unreferenced = sqlx::query_scalar!(
         r#"SELECT s.id AS "id!" FROM json_each(?) AS wanted CROSS JOIN scenarios s ON s.id = unhex(wanted.value)
            WHERE NOT EXISTS (SELECT 1 FROM groups g WHERE g.scenario = s.id)
+                 AND NOT EXISTS (SELECT 1 FROM audit_samples a WHERE a.scenario = s.id)
                  AND NOT EXISTS (SELECT 1 FROM proposals p WHERE p.scenario = s.id)
                  AND NOT EXISTS (SELECT 1 FROM layouts l WHERE l.scenario = s.id)"#,
         ids

@@ -73,8 +73,18 @@ pub struct GroupRow {
     pub failed: i64,
     /// Number of successful episodes.
     pub successes: i64,
-    /// True if the outcome of the group may move the curriculum.
+    /// True if the purpose of the lease counts, so that strategies may use the outcome of the group.
     pub is_evidence: bool,
+    /// True if the group is a slot: its result is evidence of mastery.
+    pub is_slot: bool,
+    /// True if the trainer has received the scenario.
+    pub is_disclosed: bool,
+    /// Number of finished episodes whose results count as evidence.
+    pub counted: i64,
+    /// Number of successes among them.
+    pub counted_successes: i64,
+    /// Number of episodes that a session began and left.
+    pub abandoned: i64,
     /// True if the trainer should learn from the group.
     pub is_for_training: bool,
 }
@@ -97,6 +107,11 @@ impl GroupRow {
             failed: 0,
             successes: 0,
             is_evidence: false,
+            is_slot: false,
+            is_disclosed: true,
+            counted: 0,
+            counted_successes: 0,
+            abandoned: 0,
             is_for_training: false,
         }
     }
@@ -134,13 +149,14 @@ pub async fn insert(conn: &mut SqliteConnection, lease: i64, groups: &[GroupRow]
 pub(super) fn push_insert(statement: &mut QueryBuilder<Sqlite>, lease: i64, rows: &[GroupRow]) {
     statement.push(
         "INSERT INTO groups (lease, number, proposal, layout, scenario, task, level, role, is_contested, state, failed,
-                             is_evidence, is_for_training) ",
+                             is_evidence, is_slot, is_disclosed, is_for_training) ",
     );
     statement.push_values(rows, |mut values, row| {
         values.push_bind(lease).push_bind(row.number).push_bind(row.proposal).push_bind(row.layout);
         values.push_bind(row.scenario.clone()).push_bind(row.task.clone()).push_bind(row.level);
         values.push_bind(row.role).push_bind(row.is_contested).push_bind(row.state);
-        values.push_bind(row.failed).push_bind(row.is_evidence).push_bind(row.is_for_training);
+        values.push_bind(row.failed).push_bind(row.is_evidence).push_bind(row.is_slot);
+        values.push_bind(row.is_disclosed).push_bind(row.is_for_training);
     });
 }
 
@@ -151,7 +167,9 @@ macro_rules! query_groups {
             GroupRow,
             r#"SELECT number, proposal, layout, scenario, task, level, role AS "role: GroupRole",
                       is_contested AS "is_contested: bool", state AS "state: GroupState", finished, failed, successes,
-                      is_evidence AS "is_evidence: bool", is_for_training AS "is_for_training: bool"
+                      is_evidence AS "is_evidence: bool", is_slot AS "is_slot: bool",
+                      is_disclosed AS "is_disclosed: bool", counted, counted_successes, abandoned,
+                      is_for_training AS "is_for_training: bool"
                FROM groups "# + $rest,
             $($argument),+
         )
@@ -177,7 +195,9 @@ pub async fn of_closed_lease(
     let rows = query!(
         r#"SELECT number, proposal, layout, scenario, task, level, role AS "role: GroupRole",
                   is_contested AS "is_contested: bool", state AS "state: GroupState", finished, failed, successes,
-                  is_evidence AS "is_evidence: bool", is_for_training AS "is_for_training: bool", closed_at
+                  is_evidence AS "is_evidence: bool", is_slot AS "is_slot: bool",
+                  is_disclosed AS "is_disclosed: bool", counted, counted_successes, abandoned,
+                  is_for_training AS "is_for_training: bool", closed_at
            FROM groups WHERE lease = ? ORDER BY number"#,
         lease
     )
@@ -198,6 +218,11 @@ pub async fn of_closed_lease(
             failed: r.failed,
             successes: r.successes,
             is_evidence: r.is_evidence,
+            is_slot: r.is_slot,
+            is_disclosed: r.is_disclosed,
+            counted: r.counted,
+            counted_successes: r.counted_successes,
+            abandoned: r.abandoned,
             is_for_training: r.is_for_training,
         },
         closed_at: r.closed_at.unwrap_or(0),
@@ -247,18 +272,19 @@ pub async fn update(
     }
     let values = |row: &GroupRow| {
         let closed_at = (row.state != GroupState::Open).then_some(now);
-        let GroupRow { number, state, finished, failed, successes, is_evidence, .. } = row;
-        serde_json::json!([number, state, finished, failed, successes, i64::from(*is_evidence), closed_at])
+        let GroupRow { number, state, finished, failed, successes, counted, counted_successes, .. } = row;
+        serde_json::json!([number, state, finished, failed, successes, counted, counted_successes, closed_at])
     };
     let rows = to_json(&rows.iter().map(values).collect::<Vec<_>>())?;
     query!(
         "WITH rows AS MATERIALIZED (
              SELECT value ->> 0 AS number, value ->> 1 AS state, value ->> 2 AS finished, value ->> 3 AS failed,
-                    value ->> 4 AS successes, value ->> 5 AS is_evidence, value ->> 6 AS closed_at
+                    value ->> 4 AS successes, value ->> 5 AS counted, value ->> 6 AS counted_successes,
+                    value ->> 7 AS closed_at
              FROM json_each(?))
          UPDATE groups SET state = rows.state, finished = rows.finished, failed = rows.failed,
-                           successes = rows.successes, is_evidence = rows.is_evidence,
-                           closed_at = rows.closed_at
+                           successes = rows.successes, counted = rows.counted,
+                           counted_successes = rows.counted_successes, closed_at = rows.closed_at
          FROM rows WHERE groups.lease = ? AND groups.number = rows.number
                          AND groups.number IN (SELECT number FROM rows)",
         rows,
@@ -287,4 +313,56 @@ pub async fn set_contested(
     .execute(conn)
     .await?;
     Ok(())
+}
+
+/// Marks groups of a lease as disclosed; those in `slots` are slots.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn disclose(
+    conn: &mut SqliteConnection,
+    lease: i64,
+    numbers: &[i64],
+    slots: &[i64],
+) -> Result<(), StoreError> {
+    let (numbers, slots) = (to_json(&numbers)?, to_json(&slots)?);
+    query!(
+        "UPDATE groups SET is_disclosed = 1, is_slot = number IN (SELECT value FROM json_each(?))
+         WHERE lease = ? AND number IN (SELECT value FROM json_each(?))",
+        slots,
+        lease,
+        numbers
+    )
+    .execute(conn)
+    .await?;
+    Ok(())
+}
+
+/// Counts an episode of an open group as abandoned.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn add_abandoned(conn: &mut SqliteConnection, group: GroupKey) -> Result<(), StoreError> {
+    query!(
+        "UPDATE groups SET abandoned = abandoned + 1 WHERE lease = ? AND number = ? AND state = 'open'",
+        group.lease,
+        group.number
+    )
+    .execute(conn)
+    .await?;
+    Ok(())
+}
+
+/// Reads the open group of a lease that serves a proposal; none if there is none.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn open_of_proposal(
+    conn: &mut SqliteConnection,
+    lease: i64,
+    proposal: i64,
+) -> Result<Option<GroupRow>, StoreError> {
+    Ok(query_groups!("WHERE lease = ? AND proposal = ? AND state = 'open'", lease, proposal)
+        .fetch_optional(conn)
+        .await?)
 }

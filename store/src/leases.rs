@@ -32,6 +32,18 @@ text_enum! {
 }
 
 text_enum! {
+    /// When a lease discloses its scenarios.
+    #[derive(Default)]
+    pub enum Disclosure: "a lease's disclosure" {
+        /// All with the lease.
+        #[default]
+        Lease = "lease",
+        /// Group by group, when the trainer begins them.
+        Begin = "begin",
+    }
+}
+
+text_enum! {
     /// State of a lease.
     pub enum LeaseStatus: "a lease's status" {
         /// The lease accepts results until it expires.
@@ -73,6 +85,12 @@ pub struct LeaseRow {
     pub created_at: Millis,
     /// When the lease expires.
     pub expires_at: Millis,
+    /// When the lease would have expired without a renewal.
+    #[serde(skip)]
+    pub first_expires_at: Millis,
+    /// When the lease discloses its scenarios.
+    #[serde(skip)]
+    pub disclosure: Disclosure,
     /// True if the lease was compacted. Only groups that something still refers to are left of it.
     #[serde(skip)]
     pub is_compacted: bool,
@@ -120,7 +138,7 @@ macro_rules! query_leases {
             $crate::leases::LeaseRow,
             r#"SELECT id, id_suffix, run, purpose AS "purpose: Purpose", form AS "form: LeaseForm",
                       status AS "status: LeaseStatus", groups, group_size, policy_version, ttl_ms, created_at, expires_at,
-                      is_compacted AS "is_compacted: bool", owner
+                      first_expires_at, disclosure AS "disclosure: Disclosure", is_compacted AS "is_compacted: bool", owner
                FROM leases "# + $rest,
             $($argument),+
         )
@@ -166,13 +184,14 @@ pub async fn insert(
 ) -> Result<(), StoreError> {
     let mut statements = QueryBuilder::new(
         "INSERT INTO leases (id, id_suffix, run, purpose, form, status, groups, group_size, policy_version, ttl_ms,
-                             created_at, expires_at, owner) ",
+                             created_at, expires_at, first_expires_at, disclosure, owner) ",
     );
     statements.push_values([row], |mut values, row| {
         values.push_bind(row.id).push_bind(&row.id_suffix).push_bind(&row.run).push_bind(row.purpose);
         values.push_bind(row.form).push_bind(row.status).push_bind(row.groups).push_bind(row.group_size);
         values.push_bind(row.policy_version).push_bind(row.ttl_ms).push_bind(row.created_at);
-        values.push_bind(row.expires_at).push_bind(row.owner);
+        values.push_bind(row.expires_at).push_bind(row.first_expires_at).push_bind(row.disclosure);
+        values.push_bind(row.owner);
     });
     let (first, others) = groups.split_at(groups.len().min(MAX_ROWS));
     if !first.is_empty() {
@@ -206,13 +225,15 @@ pub async fn page(
         .await?)
 }
 
-/// Reads the numbers of active leases that have expired, oldest first.
+/// Reads the numbers of active leases that have expired, oldest first. The leases of a paused run do not expire.
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if the query fails.
 pub async fn overdue(conn: &mut SqliteConnection, now: Millis, limit: i64) -> Result<Vec<i64>, StoreError> {
     Ok(sqlx::query_scalar!(
-        "SELECT id FROM leases WHERE status = 'active' AND expires_at <= ? ORDER BY expires_at, id LIMIT ?",
+        "SELECT l.id FROM leases l JOIN runs r ON r.id = l.run
+         WHERE l.status = 'active' AND l.expires_at <= ? AND r.paused_at IS NULL
+         ORDER BY l.expires_at, l.id LIMIT ?",
         now,
         limit
     )
@@ -251,4 +272,20 @@ pub async fn end_if_done(conn: &mut SqliteConnection, id: i64) -> Result<bool, S
     .execute(conn)
     .await?;
     Ok(done.rows_affected() == 1)
+}
+
+/// Shifts the deadlines of a run's active leases by the time for which the run was paused.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn shift_deadlines(conn: &mut SqliteConnection, run: &str, by: Millis) -> Result<(), StoreError> {
+    query!(
+        "UPDATE leases SET expires_at = expires_at + ?1, first_expires_at = first_expires_at + ?1
+         WHERE run = ?2 AND status = 'active'",
+        by,
+        run
+    )
+    .execute(conn)
+    .await?;
+    Ok(())
 }

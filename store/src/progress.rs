@@ -1,4 +1,4 @@
-//! Success over time, from groups that were evidence: groups that are stored whole, and spans of compacted ones. Tables `groups`
+//! Success over time, from slots: groups that are stored whole, and spans of compacted ones. Missing episodes count as failures. Tables `groups`
 //! and `compacted_progress`.
 
 use std::collections::BTreeMap;
@@ -8,7 +8,7 @@ use sqlx::{SqliteConnection, query};
 use super::StoreError;
 use crate::Millis;
 
-/// Consecutive contested groups of a task that were evidence.
+/// Consecutive slots of a task.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProgressSpan {
     /// When the last group closed.
@@ -108,14 +108,12 @@ async fn whole(conn: &mut SqliteConnection, run: &str, parts: usize) -> Result<V
         SpanRow,
         r#"SELECT task AS "task!", max(closed_at) AS "at!: i64", min(level) AS "lowest_level: i64",
                   max(level) AS "highest_level: i64", count(*) AS "groups!: i64",
-                  sum(1.0 * successes / finished) AS "success_rate_sum!: f64"
+                  sum(max(0.0, counted_successes - abandoned) / group_size) AS "success_rate_sum!: f64"
            FROM (
-               SELECT g.task, g.level, g.closed_at, g.successes, g.finished,
+               SELECT g.task, g.level, g.closed_at, g.counted_successes, g.abandoned, l.group_size,
                       ntile(?2) OVER (PARTITION BY g.task ORDER BY g.closed_at, g.lease, g.number) AS part
                FROM leases l JOIN groups g ON g.lease = l.id
-               WHERE l.run = ?1 AND l.is_compacted = 0 AND g.is_contested = 1 AND g.is_evidence = 1 AND g.finished > 0
-                     AND g.state IN ('complete', 'partial')
-                     AND (g.proposal IS NOT NULL OR g.layout IS NOT NULL)
+               WHERE l.run = ?1 AND l.is_compacted = 0 AND g.is_slot = 1 AND g.state <> 'open'
            )
            GROUP BY task, part ORDER BY task, part"#,
         run,

@@ -55,6 +55,8 @@ pub struct QueuedProposal {
     pub scenario: Option<Vec<u8>>,
     /// True if the scenario is contested.
     pub is_contested: Option<bool>,
+    /// Number of times that the proposal was leased before.
+    pub attempts: i64,
 }
 
 /// Scenario of a proposal.
@@ -150,6 +152,38 @@ pub async fn scenario_of(
     }))
 }
 
+/// A proposal that is leased.
+#[derive(Debug, Clone)]
+pub struct LeasedProposal {
+    /// Sequence number of the event that proposed it.
+    pub seq: i64,
+    /// The proposal as JSON.
+    pub body: String,
+    /// Number of times that the proposal was leased, this time included.
+    pub attempts: i64,
+}
+
+/// Reads proposals of a run by their sequence numbers, in order.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn get_many(
+    conn: &mut SqliteConnection,
+    run: &str,
+    seqs: &[i64],
+) -> Result<Vec<LeasedProposal>, StoreError> {
+    let seqs = to_json(&seqs)?;
+    Ok(sqlx::query_as!(
+        LeasedProposal,
+        r#"SELECT p.seq AS "seq!", p.body AS "body!", p.attempts AS "attempts!: i64" FROM json_each(?1) AS place
+           CROSS JOIN proposals p ON p.run = ?2 AND p.seq = place.value ORDER BY p.seq"#,
+        seqs,
+        run
+    )
+    .fetch_all(conn)
+    .await?)
+}
+
 /// The scenario that was prepared for a proposal.
 #[derive(Debug, Clone, Copy)]
 pub struct PreparedProposal<'a> {
@@ -214,7 +248,7 @@ pub async fn head(
 ) -> Result<Vec<QueuedProposal>, StoreError> {
     Ok(sqlx::query_as!(
         QueuedProposal,
-        r#"SELECT seq, body, scenario, is_contested AS "is_contested: bool" FROM proposals INDEXED BY proposals_waiting
+        r#"SELECT seq, body, scenario, is_contested AS "is_contested: bool", attempts FROM proposals INDEXED BY proposals_waiting
            WHERE run = ? AND state IN ('proposed', 'prepared') ORDER BY seq LIMIT ?"#,
         run,
         limit
@@ -259,6 +293,23 @@ pub async fn offer_again(
     .execute(conn)
     .await?;
     Ok(done.rows_affected() == 1)
+}
+
+/// Puts leased proposals back into the queue as if they had not been leased: no trainer received their scenarios.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn return_unseen(conn: &mut SqliteConnection, run: &str, seqs: &[i64]) -> Result<(), StoreError> {
+    let seqs = to_json(&seqs)?;
+    query!(
+        "UPDATE proposals SET state = 'prepared', attempts = attempts - 1
+         WHERE run = ? AND state = 'leased' AND seq IN (SELECT value FROM json_each(?))",
+        run,
+        seqs
+    )
+    .execute(conn)
+    .await?;
+    Ok(())
 }
 
 /// Drops proposals that are out of date.

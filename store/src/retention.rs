@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use sqlx::{SqliteConnection, query};
 
 use super::keys::{EpisodeKey, GroupKey};
-use super::leases::{LeaseForm, LeaseRow, LeaseStatus, Purpose, query_leases};
+use super::leases::{Disclosure, LeaseForm, LeaseRow, LeaseStatus, Purpose, query_leases};
 use super::{StoreError, to_json};
 
 /// Amount of episodes that a run stores whole.

@@ -144,6 +144,12 @@ const DELETIONS: &[Deletion] = &[
         .weight(2)
         .shared(Shared::Recipes),
     Deletion::new(of_first!("leases", "rollout_leases", "lease", "lease")),
+    Deletion::new(concat!(
+        of_first!("leases", "audit_samples", "lease", "lease, number"),
+        " RETURNING scenario"
+    ))
+    .weight(2)
+    .shared(Shared::Scenarios),
     Deletion::new(concat!(of_first!("leases", "groups", "lease", "lease, number"), " RETURNING scenario"))
         .weight(2)
         .shared(Shared::Scenarios),

@@ -37,6 +37,8 @@ pub struct RunRow {
     pub created_at: Millis,
     /// When the run was archived; archived runs are left out of lists.
     pub archived_at: Option<Millis>,
+    /// When the run was paused; none while it is active.
+    pub paused_at: Option<Millis>,
     /// Tags of the run.
     pub tags: RunTags,
 }
@@ -47,7 +49,7 @@ macro_rules! query_runs {
         sqlx::query_as!(
             RunRow,
             r#"SELECT r.id, r.name, r.seed, r.status AS "status: RunStatus", r.settings, r.policy_version, r.created_at,
-                      r.archived_at, (SELECT json_group_array(tag) FROM run_tags WHERE run = r.id) AS "tags!: RunTags"
+                      r.archived_at, r.paused_at, (SELECT json_group_array(tag) FROM run_tags WHERE run = r.id) AS "tags!: RunTags"
                FROM "# + $rest,
             $($argument),+
         )
@@ -204,10 +206,17 @@ pub async fn set_status(
     id: &str,
     status: RunStatus,
     archived_at: Option<Millis>,
+    paused_at: Option<Millis>,
 ) -> Result<(), StoreError> {
-    query!("UPDATE runs SET status = ?, archived_at = ? WHERE id = ?", status, archived_at, id)
-        .execute(conn)
-        .await?;
+    query!(
+        "UPDATE runs SET status = ?, archived_at = ?, paused_at = ? WHERE id = ?",
+        status,
+        archived_at,
+        paused_at,
+        id
+    )
+    .execute(conn)
+    .await?;
     Ok(())
 }
 

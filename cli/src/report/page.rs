@@ -9,6 +9,7 @@ use serde_json::Value;
 use store::curriculum::LevelMoveKind;
 use store::from_json;
 use store::history::{HistoryBucket, HistoryPoint};
+use store::task_counters::TaskCounters;
 
 use super::chart::{BLUE, Chart, Curve, GREEN, Interval, LevelMark, MAUVE, ORANGE};
 use super::gather::{EvaluationResult, MAX_LAYOUTS, RunReport, TaskReport};
@@ -66,7 +67,7 @@ fn head(report: &RunReport) -> Markup {
             ", policy version " (report.row.policy_version) "; " (report.episodes) " episodes. As of " (rfc3339(report.now)) "; all times are UTC."
         }
         div .wide { table {
-            thead { tr { th { "Task" } th .n { "Level" } th { "Mastery at current level (10 % to 90 % quantile)" } th .n { "Training episodes" } th .n { "Success rate" }
+            thead { tr { th { "Task" } th .n { "Level" } th { "Mastery at current level (10 % to 90 % quantile)" } th .n { "Missing outcomes" } th .n { "Training episodes" } th .n { "Success rate" }
                 th .n { "Mean score" } th .n { "Mean skill" } th { "Current state" } } }
             tbody {
                 @for task in &report.tasks {
@@ -74,16 +75,23 @@ fn head(report: &RunReport) -> Markup {
                         td { (task.spec.id()) }
                         td .n { @if let Some(level) = task.status.level { (level) } @else { "–" } }
                         td .say { (posterior(task)) }
+                        td .n { (percent(task.mastery.as_ref().filter(|m| m.n > 0).map(|m| m.missing))) }
                         td .n { (task.sums.episodes) }
-                        td .n { (percent(ratio(task.sums.successes as f64, task.sums.episodes))) }
+                        td .n { (percent(ratio(task.sums.successes as f64, ended_episodes(&task.sums)))) }
                         td .n { (number(ratio(task.sums.score_sum, task.sums.episodes))) }
                         td .n { (number(ratio(task.sums.skill_sum, task.sums.episodes_with_skill))) }
-                        td .say { @for now in report.explanation.tasks.iter().filter(|of| of.task == task.spec.id()) { (now.current_state) } }
+                        td .say { @for now in report.explanation.tasks.iter().filter(|of| of.task == task.spec.id()) { (now.current_state) }
+                            @if let Some(held_back) = &task.status.held_back { ". Held back: " (held_back) } }
                     }
                 }
             }
         } }
     }
+}
+
+/// Number of episodes that ended. Missing ones count as failures in the success rate.
+fn ended_episodes(sums: &TaskCounters) -> i64 {
+    sums.episodes + sums.failed + sums.expired
 }
 
 fn posterior(task: &TaskReport) -> String {

@@ -5,12 +5,13 @@ use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 
 use api_types::{
-    ClaimedEpisodeCounts, EpisodeCounts, GroupCounts, GroupRole, GroupState, Lease, LeaseForm, LeasePurpose,
-    LeaseStatus, LeasedGroup, MasteryEstimate, ReceiptStatus, ResultReceipt, ResultsResponse, TaskMastery,
+    ClaimedEpisodeCounts, EpisodeCounts, GroupCounts, GroupRole, GroupState, Lease, LeaseDisclosure,
+    LeaseForm, LeasePurpose, LeaseStatus, LeasedGroup, MasteryEstimate, ReceiptStatus, ResultReceipt,
+    ResultsResponse, TaskMastery,
 };
 use curriculum::{
-    Curriculum, GroupOutcome, LearningSignals, ObservedOutcome, Proposal, ScenarioSource, SequencedProposal,
-    Settings, TaskPlan,
+    Curriculum, EpisodeTally, GroupOutcome, LearningSignals, ObservedOutcome, Proposal, ScenarioSource,
+    SequencedProposal, Settings, Slot, SuccessInterval, TaskPlan,
 };
 use env_core::admission::{is_contested, is_success};
 use env_core::log::Precision;
@@ -70,7 +71,9 @@ impl Feed for LocalFeed {
             policy_version: 0,
             expires_at: String::new(),
             recipes: Vec::new(),
+            disclosure: LeaseDisclosure::Lease,
             groups: Vec::new(),
+            undisclosed: Vec::new(),
             ranges: None,
         };
         for index in 0..groups {
@@ -98,6 +101,18 @@ impl Feed for LocalFeed {
                 episodes: episodes.clone(),
                 bracket: None,
             });
+            if prepared.is_contested {
+                let slot = Slot {
+                    proposal: seq,
+                    group: 0,
+                    lease: 1,
+                    task: proposal.task.clone(),
+                    level: proposal.level,
+                    epoch: proposal.epoch,
+                    role: proposal.role,
+                };
+                state.curriculum.open_slots(&[slot]);
+            }
             let open = OpenGroup { seq, proposal, scenario: prepared.scenario, bracket: prepared.bracket };
             state.open.insert(episodes[0].clone(), open);
         }
@@ -141,6 +156,8 @@ impl Feed for LocalFeed {
                     mean: m.mean,
                     q10: m.q10,
                     q90: m.q90,
+                    missing: m.missing,
+                    open: m.open,
                     seen: u64::from(m.n),
                 }),
                 levels: Vec::new(),
@@ -149,6 +166,7 @@ impl Feed for LocalFeed {
                 claimed_results: ClaimedEpisodeCounts::default(),
                 group_counts: GroupCounts::default(),
                 warnings: status.warnings.clone(),
+                held_back: status.held_back.clone(),
                 status,
             }
         };
@@ -175,6 +193,7 @@ fn judge(open: &OpenGroup, finished: &FinishedEpisode) -> ResultReceipt {
 fn outcome(open: &OpenGroup, successes: usize) -> GroupOutcome {
     GroupOutcome {
         proposal: open.seq,
+        group: 0,
         task: open.proposal.task.clone(),
         level: open.proposal.level,
         epoch: open.proposal.epoch,
@@ -182,9 +201,11 @@ fn outcome(open: &OpenGroup, successes: usize) -> GroupOutcome {
         contested: is_contested(&open.scenario, &open.bracket),
         finished: MEMBERS as u32,
         successes: successes as u32,
-        failed: 0,
-        expired: 0,
-        evidence: true,
+        evidence: is_contested(&open.scenario, &open.bracket).then(|| {
+            let (size, successes) = (MEMBERS as u32, successes as u32);
+            SuccessInterval::of_episodes(EpisodeTally { size, finished: size, successes, abandoned: 0 })
+        }),
+        usable: true,
         mean_score: 0.0,
         mean_skill: None,
         source: ScenarioSource::Fresh,

@@ -20,7 +20,7 @@ use super::names;
 use super::output::{self, JsonFlag};
 use crate::files;
 use curriculum::simulation::{
-    Learner, LearnerKind, SimulationPlan, SimulationSummary, SimulationTrace, simulate,
+    Learner, LearnerKind, SimulationPlan, SimulationSummary, SimulationTrace, TrainerKind, simulate,
 };
 use curriculum::{Hyperparameters, Settings, StrategyKind, Target, TaskPlan};
 
@@ -45,6 +45,13 @@ pub struct Args {
     #[arg(long = "learner", value_name = "LEARNER", value_delimiter = ',', default_value = ALL,
           value_parser = PossibleValuesParser::new(learner_names()))]
     learners: Vec<String>,
+    /// Trainers that report the learners' results, each once, or `all`
+    #[arg(long = "trainer", value_name = "TRAINER", value_delimiter = ',', default_value = "honest",
+          value_parser = PossibleValuesParser::new(trainer_names()))]
+    trainers: Vec<String>,
+    /// Success rate of a learner that never changes, from 0 to 1, instead of `--learner`
+    #[arg(long, value_name = "RATE", value_parser = success_rate, conflicts_with = "learners")]
+    success: Option<f64>,
     /// Tasks whose tables of levels are used
     #[arg(long = "task", value_name = "TASK", value_delimiter = ',', default_values_t = default_tasks(),
           value_parser = names::parse_task)]
@@ -85,6 +92,15 @@ fn learner_names() -> Vec<&'static str> {
     [ALL].into_iter().chain(LearnerKind::ALL.map(LearnerKind::name)).collect()
 }
 
+fn trainer_names() -> Vec<&'static str> {
+    [ALL].into_iter().chain(TrainerKind::ALL.map(TrainerKind::name)).collect()
+}
+
+fn success_rate(text: &str) -> Result<f64, String> {
+    let rate = text.parse().ok().filter(|rate| (0.0..=1.0).contains(rate));
+    rate.ok_or_else(|| "must be a number from 0 to 1".to_owned())
+}
+
 fn default_tasks() -> Vec<String> {
     env_core::default_tasks().iter().map(|task| task.id().to_owned()).collect()
 }
@@ -112,6 +128,10 @@ fn after_help() -> String {
     for kind in LearnerKind::ALL {
         text.push_str(&format!("\n  {}: {}", kind.name(), kind.description()));
     }
+    text.push_str("\n\nTrainers:");
+    for kind in TrainerKind::ALL {
+        text.push_str(&format!("\n  {}: {}", kind.name(), kind.description()));
+    }
     text + AFTER_HELP
 }
 
@@ -120,22 +140,27 @@ const AFTER_HELP: &str = "
 Columns: ability is the learner's final ability and difficulty the mean difficulty of its scenarios over the last tenth, both in \
 levels and averaged over the tasks. success, contested (success on contested scenarios) and zero variance (share of zero-variance \
 groups) are of the second half of the groups that the learner learnt from. learnt from is the share of those groups among all, up \
-and down count level moves, and placed after is the episode after which every task was placed.
+and down count level moves, and placed after is the episode after which every task was placed. With several trainers, level is the \
+mean level, shown the mean of the mastery that the run shows, true the success rate of the slots behind it, and missing the share of \
+missing outcomes.
 
-JSON (--json): one object {episodes, group_size, tasks, seed, simulations}, each simulation {strategy, learner, summary, moves}.
+JSON (--json): one object {episodes, group_size, tasks, seed, simulations}, each simulation {strategy, learner, trainer, summary, moves}.
 
 Examples:
   sparring simulate-curriculum --strategy ladder --learner fast
   sparring simulate-curriculum --strategy all --learner slow,fast \\
       --svg curricula.svg
   sparring simulate-curriculum --strategy plr --learner fast \\
-      --set score=learnability --set replay=0.5";
+      --set score=learnability --set replay=0.5
+  sparring simulate-curriculum --success 0.5 --trainer all \\
+      --group-size 1 --no-placement";
 
 /// Finished simulation of one strategy with one learner.
 #[derive(Debug)]
 pub(super) struct CompletedSimulation {
     strategy: StrategyKind,
-    learner: LearnerKind,
+    learner: LearnerName,
+    trainer: TrainerKind,
     track: SimulationTrace,
     summary: SimulationSummary,
 }
@@ -147,8 +172,9 @@ pub(super) struct CompletedSimulation {
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     output::reject_duplicates("--strategy", &args.strategies)?;
     output::reject_duplicates("--learner", &args.learners)?;
+    output::reject_duplicates("--trainer", &args.trainers)?;
     args.svg.as_deref().map_or(Ok(()), files::check_writable)?;
-    let bar = output::progress_bar(pairs(args).len(), "simulations")?;
+    let bar = output::progress_bar(combinations(args).len(), "simulations")?;
     let simulated = simulate_all(args, &|| bar.inc(1))?;
     bar.finish_and_clear();
     if args.output.json {
@@ -163,26 +189,68 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Returns every requested strategy with every requested learner.
-fn pairs(args: &Args) -> Vec<(StrategyKind, LearnerKind)> {
-    let learners = kinds(&args.learners, LearnerKind::ALL, LearnerKind::name);
-    let strategies = kinds(&args.strategies, StrategyKind::ALL, StrategyKind::name);
-    strategies
-        .into_iter()
-        .flat_map(|strategy| learners.iter().map(move |learner| (strategy, *learner)))
-        .collect()
+/// Learner of a simulation: one that learns, or one with a constant success rate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum LearnerName {
+    Kind(LearnerKind),
+    Constant(f64),
+}
+
+impl LearnerName {
+    fn learner(self, tasks: &[String]) -> Learner {
+        match self {
+            Self::Kind(kind) => Learner::new(kind, tasks),
+            Self::Constant(success) => Learner::constant(success),
+        }
+    }
+}
+
+impl std::fmt::Display for LearnerName {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Kind(kind) => f.write_str(kind.name()),
+            Self::Constant(success) => write!(f, "success {success}"),
+        }
+    }
+}
+
+/// Strategy, learner and trainer of a simulation.
+#[derive(Debug, Clone, Copy)]
+struct Combination {
+    strategy: StrategyKind,
+    learner: LearnerName,
+    trainer: TrainerKind,
+}
+
+/// Returns every requested strategy with every requested learner and trainer.
+fn combinations(args: &Args) -> Vec<Combination> {
+    let learners: Vec<LearnerName> = match args.success {
+        Some(success) => vec![LearnerName::Constant(success)],
+        None => {
+            let kinds = kinds(&args.learners, LearnerKind::ALL, LearnerKind::name);
+            kinds.into_iter().map(LearnerName::Kind).collect()
+        }
+    };
+    let trainers = kinds(&args.trainers, TrainerKind::ALL, TrainerKind::name);
+    let mut combinations = Vec::new();
+    for strategy in kinds(&args.strategies, StrategyKind::ALL, StrategyKind::name) {
+        for &learner in &learners {
+            combinations.extend(trainers.iter().map(|&trainer| Combination { strategy, learner, trainer }));
+        }
+    }
+    combinations
 }
 
 /// Runs all requested simulations in parallel; `done` is called after each.
 fn simulate_all(args: &Args, done: &(dyn Fn() + Sync)) -> anyhow::Result<Vec<CompletedSimulation>> {
-    let one = |(strategy, learner)| {
-        let plan = plan(args, strategy)?;
-        let track =
-            simulate(&plan, Learner::new(learner, &args.tasks)).map_err(|error| anyhow!("{error}"))?;
+    let one = |Combination { strategy, learner, trainer }| {
+        let plan = SimulationPlan { trainer, ..plan(args, strategy)? };
+        let track = simulate(&plan, learner.learner(&args.tasks)).map_err(|error| anyhow!("{error}"))?;
         done();
-        Ok(CompletedSimulation { strategy, learner, summary: SimulationSummary::new(&track), track })
+        let summary = SimulationSummary::new(&track);
+        Ok(CompletedSimulation { strategy, learner, trainer, summary, track })
     };
-    pairs(args).into_par_iter().map(one).collect()
+    combinations(args).into_par_iter().map(one).collect()
 }
 
 /// Returns the requested kinds, each once.
@@ -206,7 +274,8 @@ fn plan(args: &Args, strategy: StrategyKind) -> anyhow::Result<SimulationPlan> {
         ..Settings::ladder(tasks?).with_strategy(strategy)
     };
     let (episodes, group_size, seed) = (args.episodes, args.group_size, args.seed);
-    Ok(SimulationPlan { settings, episodes, group_size, queue_length: args.ahead as usize, seed })
+    let (trainer, queue_length) = (TrainerKind::Honest, args.ahead as usize);
+    Ok(SimulationPlan { settings, trainer, episodes, group_size, queue_length, seed })
 }
 
 #[derive(Serialize)]
@@ -221,7 +290,8 @@ struct SimulationReport<'a> {
 #[derive(Serialize)]
 struct SimulationEntry<'a> {
     strategy: StrategyKind,
-    learner: &'static str,
+    learner: String,
+    trainer: &'static str,
     summary: &'a SimulationSummary,
     moves: Vec<Value>,
 }
@@ -229,7 +299,8 @@ struct SimulationEntry<'a> {
 fn report<'a>(args: &'a Args, simulated: &'a [CompletedSimulation]) -> SimulationReport<'a> {
     let one = |of: &'a CompletedSimulation| SimulationEntry {
         strategy: of.strategy,
-        learner: of.learner.name(),
+        learner: of.learner.to_string(),
+        trainer: of.trainer.name(),
         summary: &of.summary,
         moves: of
             .track

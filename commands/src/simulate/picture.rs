@@ -142,7 +142,7 @@ fn draw_levels(
     area: &SvgArea<'_>,
     episodes: u64,
 ) -> DrawResult {
-    let title = format!("{} × {}", one.strategy.name(), one.learner.name());
+    let title = format!("{} × {}", one.strategy.name(), one.learner);
     let mut builder = ChartBuilder::on(area);
     builder.caption(title, ("sans-serif", 13).into_font().color(&INK));
     let mut chart = build_chart(&mut builder, episodes, LEVELS, "level")?;

@@ -12,8 +12,44 @@ const SECTIONS: usize = 10;
 pub(super) fn text_report(simulated: &[CompletedSimulation], episodes: u64) -> Report {
     match simulated {
         [one] => in_full(one, episodes),
+        several if several.iter().any(|one| one.trainer != several[0].trainer) => trainer_lines(several),
         several => lines(several),
     }
+}
+
+/// Compares trainers: the level that a run reaches and the mastery that it shows, beside true success.
+fn trainer_lines(simulated: &[CompletedSimulation]) -> Report {
+    let mut table = TextTable::new([
+        Column::text("strategy"),
+        Column::text("learner"),
+        Column::text("trainer"),
+        Column::number("level"),
+        Column::number("shown"),
+        Column::number("true"),
+        Column::number("missing"),
+        Column::number("up"),
+        Column::number("down"),
+    ]);
+    let number = |value: Option<f64>, decimals: usize| {
+        value.map_or_else(|| "none".to_owned(), |value| format!("{value:.decimals$}"))
+    };
+    for one in simulated {
+        let summary = &one.summary;
+        table.add_row([
+            one.strategy.name().to_owned(),
+            one.learner.to_string(),
+            one.trainer.name().to_owned(),
+            number(summary.level, 1),
+            number(summary.shown, 2),
+            number(summary.true_success, 2),
+            number(summary.missing, 2),
+            summary.ups.to_string(),
+            summary.downs.to_string(),
+        ]);
+    }
+    let mut report = Report::default();
+    report.table(table);
+    report
 }
 
 fn lines(simulated: &[CompletedSimulation]) -> Report {
@@ -35,7 +71,7 @@ fn lines(simulated: &[CompletedSimulation]) -> Report {
         let summary = &one.summary;
         table.add_row([
             one.strategy.name().to_owned(),
-            one.learner.name().to_owned(),
+            one.learner.to_string(),
             format!("{:.1}", summary.ability),
             format!("{:.1}", summary.difficulty),
             format!("{:.2}", summary.success),
@@ -47,7 +83,7 @@ fn lines(simulated: &[CompletedSimulation]) -> Report {
             summary.placed_after.map_or_else(|| "never".to_owned(), |after| after.to_string()),
         ]);
         if let Some(warning) = summary.warnings.first() {
-            notes.push(format!("{} × {}: {warning}", one.strategy.name(), one.learner.name()));
+            notes.push(format!("{} × {}: {warning}", one.strategy.name(), one.learner));
         }
     }
     let mut report = Report::default();
@@ -61,12 +97,7 @@ fn lines(simulated: &[CompletedSimulation]) -> Report {
 fn in_full(one: &CompletedSimulation, episodes: u64) -> Report {
     let explanation = one.track.curriculum.explain();
     let mut report = Report::default();
-    report.paragraph(format!(
-        "{} with the learner {}. {}",
-        one.strategy,
-        one.learner.name(),
-        explanation.summary
-    ));
+    report.paragraph(format!("{} with the learner {}. {}", one.strategy, one.learner, explanation.summary));
     for (place, status) in one.track.status.iter().enumerate() {
         let of_task: Vec<&SimulatedGroup> =
             one.track.groups.iter().filter(|sample| sample.task_index == place).collect();
@@ -81,7 +112,7 @@ fn in_full(one: &CompletedSimulation, episodes: u64) -> Report {
             let text = describe_move(&made.level_move);
             report.item(format!("after {}: {text}", made.episodes_before));
         }
-        for warning in &status.warnings {
+        for warning in status.warnings.iter().chain(&status.held_back) {
             report.item(warning);
         }
     }

@@ -10,6 +10,8 @@ const DOCUMENT: &str = include_str!("../../../docs/reference/strategies.md");
 fn args(strategy: &str, learners: &[&str]) -> Args {
     Args {
         strategies: vec![strategy.to_owned()],
+        trainers: vec!["honest".to_owned()],
+        success: None,
         learners: learners.iter().map(|&name| name.to_owned()).collect(),
         tasks: default_tasks(),
         episodes: 40_000,

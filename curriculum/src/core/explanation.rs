@@ -23,10 +23,11 @@ pub struct TaskStatus {
     pub params: Vec<(String, f64)>,
     /// Progress of the block or probe that is filling.
     pub block: Option<BlockProgress>,
-    /// Number of blocks that counted at this level since the last move; during placement, of probes that counted.
+    /// Number of full blocks at this level since the last move; during placement, of probes that ended.
     pub blocks: u32,
-    /// Number of blocks or probes discarded since the last move because they lost too many episodes.
-    pub discarded: u32,
+    /// Reason why the level does not rise although results are there, in one sentence: results are missing, or wait
+    /// for results of earlier leases. `None` if missing results hold nothing back.
+    pub held_back: Option<String>,
     /// Problems that the user should know about, one sentence each.
     pub warnings: Vec<String>,
     /// Conditions for the next move; `None` under a strategy without a current level.
@@ -48,7 +49,7 @@ impl TaskStatus {
             params,
             block: None,
             blocks: 0,
-            discarded: 0,
+            held_back: None,
             warnings: Vec::new(),
             move_conditions: None,
             earliest_proposal: None,
@@ -56,19 +57,25 @@ impl TaskStatus {
     }
 }
 
-/// Progress of a block of contested scenarios.
+/// Progress of a block of slots.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct BlockProgress {
-    /// Number of contested scenarios in the block.
+    /// Number of settled slots in the block.
     pub n: u32,
-    /// Number of contested scenarios in a full block.
+    /// Number of slots in a full block.
     pub size: u32,
-    /// Sum of their success rates.
-    pub sum: f64,
-    /// Mean of their success rates; `None` while the block is empty.
+    /// Sum of their success rates, missing episodes counted as failures.
+    pub low: f64,
+    /// Sum of their success rates, missing episodes counted as successes.
+    pub high: f64,
+    /// Mean success rate, low / n; `None` while the block is empty.
     pub mean: Option<f64>,
-    /// Number of its episodes that failed or expired.
-    pub lost: u32,
+    /// Share of the outcomes that are missing; `None` while the block is empty.
+    pub missing: Option<f64>,
+    /// Number of leased slots without a result.
+    pub open: u32,
+    /// Number of slots with a result that wait for earlier slots.
+    pub waiting: u32,
 }
 
 /// Conditions for the next move, one sentence each.

@@ -19,5 +19,6 @@ pub(crate) mod proposal;
 pub(crate) mod scale;
 pub(crate) mod settings;
 pub(crate) mod shares;
+pub(crate) mod slot;
 pub(crate) mod snapshot;
 pub(crate) mod strategy;

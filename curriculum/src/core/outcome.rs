@@ -2,13 +2,18 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::proposal::{ProposalRole, ScenarioSource};
+use super::evidence::interval::SuccessInterval;
+use super::proposal::{Proposal, ProposalRole, ScenarioSource};
+use super::slot::{SlotKey, is_zero};
 
 /// Result of the episodes of one scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GroupOutcome {
-    /// Seq of the proposal; for a designed group, of the outcome itself.
+    /// Seq of the proposal.
     pub proposal: u64,
+    /// Number of the group in a lease of columns. It is 0 in a lease of groups, which has one group for a proposal.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub group: u32,
     /// Task of the proposal.
     pub task: String,
     /// Level of the proposal.
@@ -19,19 +24,16 @@ pub struct GroupOutcome {
     pub role: ProposalRole,
     /// True if the scenario's bracket shows that it is contested, whatever the proposal asked for.
     pub contested: bool,
-    /// Number of episodes that finished.
+    /// Number of episodes with a result that counts: finished, replayed, and not of too old a policy version.
     pub finished: u32,
-    /// Number of finished episodes that succeeded.
+    /// Number of successes among them.
     pub successes: u32,
-    /// Number of episodes lost to infrastructure; they never count as a low score.
-    pub failed: u32,
-    /// Number of episodes without a result when the lease ended; they never count as a low score.
-    pub expired: u32,
-    /// True if the outcome may move a level. False for an old policy version, for a training lease while evidence
-    /// comes from probes, and for columns of which too many episodes failed. Late results, evaluations and unaudited
-    /// claims never become outcomes. Lost episodes do not make it false: a group that failed as a whole is still
-    /// evidence that episodes are being lost.
-    pub evidence: bool,
+    /// Value of the group's slot; `None` if the group is no slot. Late results and evaluations never become outcomes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub evidence: Option<SuccessInterval>,
+    /// True if strategies may choose the next scenarios by this outcome: enough episodes finished, and the purpose of
+    /// the lease counts. Missing episodes are then left out. This is no evidence of mastery.
+    pub usable: bool,
     /// Mean score of the finished episodes.
     pub mean_score: f64,
     /// Mean skill of the finished episodes; `None` if the scenario defines no skill.
@@ -48,7 +50,31 @@ pub struct GroupOutcome {
 }
 
 impl GroupOutcome {
-    /// Share of finished episodes that succeeded; `None` if no episode finished.
+    /// Outcome of a slot without any result.
+    #[must_use]
+    pub fn missing(seq: u64, group: u32, proposal: &Proposal) -> Self {
+        Self {
+            proposal: seq,
+            group,
+            task: proposal.task.clone(),
+            level: proposal.level,
+            epoch: proposal.epoch,
+            role: proposal.role,
+            contested: true,
+            finished: 0,
+            successes: 0,
+            evidence: Some(SuccessInterval::MISSING),
+            usable: false,
+            mean_score: 0.0,
+            mean_skill: None,
+            source: proposal.source.clone(),
+            params: if proposal.level.is_none() { proposal.params.clone() } else { Vec::new() },
+            signals: LearningSignals::default(),
+        }
+    }
+
+    /// Share of finished episodes that succeeded; `None` if no episode finished. The strategies that sample use it:
+    /// they leave missing episodes out, because they claim no mastery.
     #[must_use]
     pub fn success_rate(&self) -> Option<f64> {
         (self.finished > 0).then(|| f64::from(self.successes.min(self.finished)) / f64::from(self.finished))
@@ -69,10 +95,10 @@ impl GroupOutcome {
         learnability(self.successes.min(self.finished), self.finished)
     }
 
-    /// Number of episodes that ended without a score.
+    /// Key of the group's slot.
     #[must_use]
-    pub const fn lost_episodes(&self) -> u32 {
-        self.failed.saturating_add(self.expired)
+    pub const fn slot_key(&self) -> SlotKey {
+        SlotKey { proposal: self.proposal, group: self.group }
     }
 }
 

@@ -17,6 +17,7 @@ use super::explanation::{Explanation, TaskStatus};
 use super::outcome::GroupOutcome;
 use super::proposal::Proposal;
 use super::settings::Settings;
+use super::slot::Slot;
 
 /// Inputs of a decision beside the strategy's own state.
 #[derive(Debug, Clone, Copy)]
@@ -41,6 +42,14 @@ impl StrategyContext<'_> {
 pub(crate) trait Strategy: StrategySnapshot + Send + Sync {
     /// Makes the next proposal.
     fn propose(&mut self, ctx: &StrategyContext<'_>) -> Proposal;
+    /// Takes note of a slot whose value is due. By default, strategies claim no mastery and keep no evidence.
+    fn open_slot(&mut self, _slot: &Slot, _ctx: &StrategyContext<'_>) {}
+    /// Drops a slot that will have no value, and returns the level moves that this caused.
+    fn withdraw_slot(&mut self, _slot: &Slot, _ctx: &StrategyContext<'_>) -> Vec<LevelMove> {
+        Vec::new()
+    }
+    /// Drops the evidence of a task that has not moved a level yet: earlier results have another meaning.
+    fn close_epoch(&mut self, _task: &str, _ctx: &StrategyContext<'_>) {}
     /// Takes the outcome of a group into account and returns the level moves it caused.
     fn observe(&mut self, outcome: &GroupOutcome, ctx: &StrategyContext<'_>) -> Vec<LevelMove>;
     /// Adopts changed settings, given in `ctx`. Drops the state of tasks that are gone and restarts the tasks named
@@ -63,6 +72,11 @@ pub(crate) trait Strategy: StrategySnapshot + Send + Sync {
     /// proposal.
     fn status(&self, settings: &Settings) -> Vec<TaskStatus> {
         settings.tasks.iter().map(|plan| TaskStatus::without_levels(&plan.task, Vec::new())).collect()
+    }
+    /// Problems of a task that the user should know about, one sentence each. Cheap: the service compares them after
+    /// every outcome.
+    fn warnings(&self, _task: &str, _settings: &Settings) -> Vec<String> {
+        Vec::new()
     }
     /// Rules, current state and last moves as text.
     fn explain(&self, settings: &Settings) -> Explanation;

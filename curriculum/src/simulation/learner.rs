@@ -109,6 +109,11 @@ pub struct GroupResult {
     pub failed: u32,
 }
 
+impl GroupResult {
+    /// A group without any result.
+    pub const NONE: Self = Self { finished: 0, successes: 0, failed: 0 };
+}
+
 /// Learner with its current ability.
 #[derive(Debug, Clone)]
 pub struct Learner {
@@ -174,7 +179,7 @@ impl Learner {
         rng: &mut KeyedRng,
     ) -> GroupResult {
         let success_probability = self.success_probability(task, scenario);
-        let mut result = GroupResult { finished: 0, successes: 0, failed: 0 };
+        let mut result = GroupResult::NONE;
         for _ in 0..episodes {
             let succeeded = rng.bernoulli(success_probability);
             let dropped = self.kind == LearnerKind::Drops && !succeeded && rng.bernoulli(0.5);

@@ -5,7 +5,8 @@
 //!
 //! - [`scenario`]: scenarios that consist of their difficulty alone.
 //! - [`learner`]: learners that attempt them, and how their ability grows.
-//! - [`runner`]: a curriculum and a learner against each other, as the service would run them.
+//! - [`trainer`]: trainers that report the learner's results, or some of them.
+//! - [`runner`]: a curriculum, a trainer and a learner against each other, as the service would run them.
 //! - [`summary`]: the result in numbers.
 
 pub mod learner;
@@ -14,8 +15,10 @@ pub mod scenario;
 pub mod summary;
 #[cfg(test)]
 mod tests;
+pub mod trainer;
 
 pub use learner::{Learner, LearnerKind};
 pub use runner::{SimulatedGroup, SimulatedMove, SimulationPlan, SimulationTrace, simulate};
 pub use scenario::SyntheticScenario;
 pub use summary::SimulationSummary;
+pub use trainer::TrainerKind;

@@ -1,4 +1,4 @@
-//! A curriculum and a learner against each other.
+//! A curriculum, a trainer and a learner against each other.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -7,9 +7,11 @@ use env_core::keyed_rng::RngPurpose;
 
 use super::learner::{GroupResult, Learner};
 use super::scenario::{Selection, SyntheticScenario};
+use super::trainer::{LEASE_GROUPS, TrainerKind};
 use crate::{
-    Curriculum, GroupOutcome, LearningSignals, LevelMove, ObservedOutcome, Proposal, ProposalRole,
-    ScenarioSource, SequencedProposal, Settings, SettingsError, TaskStatus, difficulty,
+    Curriculum, EpisodeTally, GroupOutcome, LearningSignals, LevelMove, ObservedOutcome, Proposal,
+    ProposalRole, ScenarioSource, SequencedProposal, Settings, SettingsError, Slot, SuccessInterval,
+    TaskStatus, difficulty,
 };
 
 /// Score of an episode that succeeds.
@@ -17,11 +19,17 @@ const SUCCESS_SCORE: f64 = 0.9;
 /// Score of an episode that fails.
 const FAILURE_SCORE: f64 = 0.2;
 
+/// Number of later results after which a slot without a result is missing. The simulation has no clock: the time of a
+/// lease is over by then.
+const LATER_RESULTS: u32 = 64;
+
 /// Inputs of a simulation.
 #[derive(Debug, Clone)]
 pub struct SimulationPlan {
     /// Settings of the curriculum.
     pub settings: Settings,
+    /// Trainer that reports the results.
+    pub trainer: TrainerKind,
     /// Number of episodes in total.
     pub episodes: u64,
     /// Number of episodes of a group.
@@ -52,7 +60,9 @@ pub struct SimulatedGroup {
     pub train: bool,
     /// True if the task's first level was set.
     pub placed: bool,
-    /// Number of episodes reported as finished.
+    /// True if the group was evidence of mastery.
+    pub is_slot: bool,
+    /// Number of episodes that finished, reported or not.
     pub finished: u32,
     /// Number of finished episodes that succeeded.
     pub successes: u32,
@@ -100,25 +110,30 @@ pub fn simulate(plan: &SimulationPlan, learner: Learner) -> Result<SimulationTra
         learner,
         curriculum: Curriculum::new(plan.seed, plan.settings.clone())?,
         scenarios: BTreeMap::new(),
+        queue: VecDeque::new(),
+        withheld: BTreeMap::new(),
+        leases: 0,
+        placed: Vec::new(),
         rng: KeyedRng::new(RngPurpose::Simulation, plan.seed, u64::MAX),
         groups: Vec::new(),
         moves: Vec::new(),
     };
-    let mut queue: VecDeque<SequencedProposal> = VecDeque::new();
     let mut episodes = 0;
     while episodes < plan.episodes {
-        while queue.len() <= plan.queue_length {
-            queue.push_back(simulator.curriculum.propose());
-        }
-        let Some(SequencedProposal { seq, proposal }) = queue.pop_front() else { break };
-        let has_moved = simulator.run_group(episodes, seq, &proposal);
-        episodes += u64::from(plan.group_size);
-        if has_moved {
-            queue.retain(|next| simulator.curriculum.is_current(next.seq, &next.proposal));
-        }
+        let begun = simulator.run_lease(episodes);
+        episodes += begun as u64 * u64::from(plan.group_size);
     }
     let Simulator { curriculum, learner, groups, moves, .. } = simulator;
     Ok(SimulationTrace { groups, moves, status: curriculum.status(), learner, curriculum })
+}
+
+/// Group of a lease, and its scenario.
+struct LeasedGroup {
+    seq: u64,
+    proposal: Proposal,
+    scenario: SyntheticScenario,
+    /// Slot of the group, if it is evidence.
+    slot: Option<Slot>,
 }
 
 struct Simulator<'a> {
@@ -127,24 +142,95 @@ struct Simulator<'a> {
     curriculum: Curriculum,
     /// Scenarios that may be repeated, by the seq of the proposal that made them.
     scenarios: BTreeMap<u64, SyntheticScenario>,
+    /// Proposals that wait to be leased.
+    queue: VecDeque<SequencedProposal>,
+    /// Groups that the trainer keeps leased, by the seq of their proposal.
+    withheld: BTreeMap<u64, LeasedGroup>,
+    /// Number of leases so far.
+    leases: u64,
+    /// For each task, true if its first level was set before the current lease.
+    placed: Vec<bool>,
     rng: KeyedRng,
     groups: Vec<SimulatedGroup>,
     moves: Vec<SimulatedMove>,
 }
 
 impl Simulator<'_> {
-    /// Runs the group of a proposal; true if it caused a move.
-    fn run_group(&mut self, episodes_before: u64, seq: u64, proposal: &Proposal) -> bool {
-        let tasks = &self.plan.settings.tasks;
-        let Some(task_index) = tasks.iter().position(|task| task.task == proposal.task) else {
-            return false;
+    /// Leases groups, rolls them out and reports what the trainer reports. Returns the number of groups that it began.
+    fn run_lease(&mut self, episodes_before: u64) -> usize {
+        self.leases += 1;
+        self.placed = self.curriculum.status().iter().map(|status| status.placement_done).collect();
+        let mut groups = self.lease_groups();
+        let begun = self.plan.trainer.begun_groups(groups.len(), &mut self.rng);
+        if self.plan.trainer.returns_undisclosed() {
+            let returned = groups.split_off(begun);
+            let proposals = returned.into_iter().map(|group| (group.seq, group.proposal));
+            for (seq, proposal) in proposals.rev() {
+                self.queue.push_front(SequencedProposal { seq, proposal });
+            }
+        }
+        let slots: Vec<Slot> = groups.iter().filter_map(|group| group.slot.clone()).collect();
+        if !slots.is_empty() {
+            self.curriculum.open_slots(&slots);
+        }
+        let size = u64::from(self.plan.group_size);
+        let mut results: Vec<GroupResult> = (0..)
+            .zip(&groups[..begun])
+            .map(|(at, group)| self.roll_out(episodes_before + at * size, group))
+            .collect();
+        results.resize(groups.len(), GroupResult::NONE);
+        let audited: Vec<usize> = (0..groups.len()).filter(|&at| groups[at].slot.is_some()).collect();
+        let reports = self.plan.trainer.report(&results, &audited);
+        let mut has_moved = false;
+        for (group, report) in groups.into_iter().zip(reports) {
+            match report {
+                Some(result) => has_moved |= self.observe(episodes_before, &group, result),
+                None => {
+                    self.withheld.insert(group.seq, group);
+                }
+            }
+        }
+        has_moved |= self.close_stalled(episodes_before);
+        if has_moved {
+            let Self { curriculum, queue, .. } = self;
+            queue.retain(|next| curriculum.is_current(next.seq, &next.proposal));
+        }
+        begun.max(1)
+    }
+
+    /// Takes the next proposals, and those of their scenarios that are slots.
+    fn lease_groups(&mut self) -> Vec<LeasedGroup> {
+        while self.queue.len() < LEASE_GROUPS + self.plan.queue_length {
+            self.queue.push_back(self.curriculum.propose());
+        }
+        let proposals: Vec<SequencedProposal> = self.queue.drain(..LEASE_GROUPS).collect();
+        let group = |SequencedProposal { seq, proposal }| {
+            let plan = self.plan.settings.task(&proposal.task);
+            let difficulty = plan.map_or(0.0, |plan| difficulty(plan, &proposal.params));
+            let scenario = self.scenario(seq, &proposal, difficulty);
+            let slot = (scenario.contested && proposal.source.is_fresh()).then(|| Slot {
+                proposal: seq,
+                group: 0,
+                lease: self.leases,
+                task: proposal.task.clone(),
+                level: proposal.level,
+                epoch: proposal.epoch,
+                role: proposal.role,
+            });
+            LeasedGroup { seq, proposal, scenario, slot }
         };
-        let scenario = self.scenario(seq, proposal, difficulty(&tasks[task_index], &proposal.params));
+        proposals.into_iter().map(group).collect()
+    }
+
+    /// Rolls a group out.
+    fn roll_out(&mut self, episodes_before: u64, group: &LeasedGroup) -> GroupResult {
+        let LeasedGroup { proposal, scenario, .. } = group;
+        let tasks = &self.plan.settings.tasks;
+        let task_index = tasks.iter().position(|task| task.task == proposal.task).unwrap_or_default();
         let ability = self.learner.ability(&proposal.task);
-        let group_size = self.plan.group_size;
-        let result =
-            self.learner.run_group(&proposal.task, &scenario, group_size, proposal.train, &mut self.rng);
-        let placed = self.curriculum.status().get(task_index).is_some_and(|status| status.placement_done);
+        let size = self.plan.group_size;
+        let result = self.learner.run_group(&proposal.task, scenario, size, proposal.train, &mut self.rng);
+        let placed = self.placed.get(task_index).copied().unwrap_or(true);
         self.groups.push(SimulatedGroup {
             episodes_before,
             task_index,
@@ -154,16 +240,44 @@ impl Simulator<'_> {
             contested: scenario.contested,
             train: proposal.train,
             placed,
+            is_slot: group.slot.is_some(),
             finished: result.finished,
             successes: result.successes,
         });
-        let outcome = group_outcome(seq, proposal, &scenario, result);
+        result
+    }
+
+    /// Passes a reported group to the curriculum; true if it caused a move.
+    fn observe(&mut self, episodes_before: u64, group: &LeasedGroup, result: GroupResult) -> bool {
+        let LeasedGroup { seq, proposal, scenario, slot } = group;
+        let mut outcome = group_outcome(*seq, proposal, scenario, result);
+        outcome.evidence = slot.as_ref().map(|_| {
+            let GroupResult { finished, successes, .. } = result;
+            let size = self.plan.group_size;
+            SuccessInterval::of_episodes(EpisodeTally { size, finished, successes, abandoned: 0 })
+        });
         let ObservedOutcome { moves, .. } = self.curriculum.observe(&outcome);
         self.curriculum.take_background_jobs().iter().for_each(|job| job.run());
         let has_moved = !moves.is_empty();
         let moves = moves.into_iter().map(|level_move| SimulatedMove { episodes_before, level_move });
         self.moves.extend(moves);
         has_moved
+    }
+
+    /// Ends the withheld groups for which too many later results wait: they have no result. True if this caused a move.
+    fn close_stalled(&mut self, episodes_before: u64) -> bool {
+        let mut has_moved = false;
+        loop {
+            let stalled = self.curriculum.stalled_slots().into_iter();
+            let overdue = stalled.filter(|slot| slot.later >= LATER_RESULTS).map(|slot| slot.key.proposal);
+            let groups: Vec<LeasedGroup> = overdue.filter_map(|seq| self.withheld.remove(&seq)).collect();
+            if groups.is_empty() {
+                return has_moved;
+            }
+            for group in groups {
+                has_moved |= self.observe(episodes_before, &group, GroupResult::NONE);
+            }
+        }
     }
 
     /// Scenario of a proposal, fresh or from an earlier one.
@@ -187,7 +301,7 @@ impl Simulator<'_> {
     }
 }
 
-/// Outcome of a group, as the service would report it to the curriculum.
+/// Outcome of a group that is no evidence, as the service would report it to the curriculum.
 #[must_use]
 pub fn group_outcome(
     seq: u64,
@@ -195,10 +309,11 @@ pub fn group_outcome(
     scenario: &SyntheticScenario,
     result: GroupResult,
 ) -> GroupOutcome {
-    let GroupResult { finished, successes, failed } = result;
+    let GroupResult { finished, successes, .. } = result;
     let success_rate = if finished > 0 { f64::from(successes) / f64::from(finished) } else { 0.0 };
     GroupOutcome {
         proposal: seq,
+        group: 0,
         task: proposal.task.clone(),
         level: proposal.level,
         epoch: proposal.epoch,
@@ -206,9 +321,8 @@ pub fn group_outcome(
         contested: scenario.contested,
         finished,
         successes,
-        failed,
-        expired: 0,
-        evidence: true,
+        evidence: None,
+        usable: finished > 0,
         mean_score: FAILURE_SCORE + (SUCCESS_SCORE - FAILURE_SCORE) * success_rate,
         mean_skill: None,
         source: proposal.source.clone(),

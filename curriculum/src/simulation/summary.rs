@@ -28,6 +28,14 @@ pub struct SimulationSummary {
     pub downs: usize,
     /// Number of episodes before all tasks were placed; `None` if some never were.
     pub placed_after: Option<u64>,
+    /// Level at the end, as the mean over the tasks; `None` under a strategy without levels.
+    pub level: Option<f64>,
+    /// Mean of the mastery that is shown at the end, as the mean over the tasks and levels with slots.
+    pub shown: Option<f64>,
+    /// Success rate of the slots of the second half, reported or not.
+    pub true_success: Option<f64>,
+    /// Share of the outcomes behind the shown mastery that are missing.
+    pub missing: Option<f64>,
     /// Warnings of all tasks at the end.
     pub warnings: Vec<String>,
 }
@@ -46,6 +54,8 @@ impl SimulationSummary {
         let last_tenth = &trace.groups[trace.groups.len() - trace.groups.len().div_ceil(10)..];
         let mut by_task = vec![0usize; tasks];
         trace.groups.iter().for_each(|group| by_task[group.task_index] += 1);
+        let mastery: Vec<_> = trace.curriculum.mastery().into_iter().filter(|shown| shown.n > 0).collect();
+        let slots: Vec<&SimulatedGroup> = half.iter().filter(|group| group.is_slot).collect();
         let abilities = trace.status.iter().map(|status| trace.learner.ability(&status.task));
         Self {
             ability: abilities.sum::<f64>() / tasks as f64,
@@ -58,6 +68,10 @@ impl SimulationSummary {
             ups: moves(MoveKind::Up),
             downs: moves(MoveKind::Down),
             placed_after: placed_after(trace),
+            level: mean(trace.status.iter().filter_map(|status| status.level).map(f64::from)),
+            shown: mean(mastery.iter().map(|shown| shown.mean)),
+            true_success: (!slots.is_empty()).then(|| success_rate(&slots)),
+            missing: mean(mastery.iter().map(|shown| shown.missing)),
             warnings: trace.status.iter().flat_map(|status| status.warnings.clone()).collect(),
         }
     }

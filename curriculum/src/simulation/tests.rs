@@ -17,7 +17,7 @@ fn settings(strategy: StrategyKind) -> Settings {
 }
 
 fn plan(settings: Settings, episodes: u64, group_size: u32, seed: u64) -> SimulationPlan {
-    SimulationPlan { settings, episodes, group_size, queue_length: 64, seed }
+    SimulationPlan { settings, trainer: TrainerKind::Honest, episodes, group_size, queue_length: 64, seed }
 }
 
 fn learner(kind: LearnerKind) -> Learner {
@@ -61,10 +61,10 @@ fn forgetful_learner_moves_down() {
     });
 }
 
-/// A learner that reports half of its failures as lost looks better than it is. It moves up only once its true success
-/// is high, and the run warns until then.
+/// A learner that reports half of its failures as lost moves up only once its true success is high, and the run warns
+/// until then.
 #[test]
-fn dropped_failures_block_moves_until_they_are_few() {
+fn dropped_failures_move_no_level_before_true_success() {
     (0..6u64).into_par_iter().for_each(|seed| {
         let plan =
             plan(Settings { target: Target::Mastery, ..settings(StrategyKind::Ladder) }, 40_000, 1, seed);
@@ -74,7 +74,7 @@ fn dropped_failures_block_moves_until_they_are_few() {
             .status
             .iter()
             .flat_map(|status| &status.warnings)
-            .any(|warning| warning.contains("failed or expired"));
+            .any(|warning| warning.contains("are missing"));
         assert!(is_warned, "{:?}", early.status);
         let trace = run(LearnerKind::Drops, &plan);
         for made in trace.moves.iter().filter(|made| made.level_move.kind == MoveKind::Up) {
@@ -88,9 +88,9 @@ fn dropped_failures_block_moves_until_they_are_few() {
                         && TASKS[group.task_index] == made.level_move.task
                 })
                 .unwrap();
-            // The block lost at most 10 % of its episodes, half of the failures: true success is at least 0.8.
+            // A lost episode counts as a failure. Two blocks of a learner with 0.6 pass once in 15 000 pairs.
             let success = 1.0 / (1.0 + libm::exp(-(group.ability - level) / learner::SUCCESS_WIDTH));
-            assert!(success > 0.7, "up from {level} at an ability of {:.2}", group.ability);
+            assert!(success > 0.6, "up from {level} at an ability of {:.2}", group.ability);
         }
     });
 }

@@ -2,7 +2,8 @@
 //!
 //! Follows Akkaya et al. (2019, "Solving Rubik's Cube with a robot hand", section 5 and algorithm 1), with some
 //! changes. A share of the proposals holds one param at its bound and draws the others within theirs. Once a buffer of
-//! these is full, the bound widens if they succeed often, and narrows if they succeed rarely. A bound is a position on
+//! these is full, the bound widens if they succeed often even if every missing episode failed, and narrows if they
+//! succeed rarely even if every missing episode succeeded. A bound is a position on
 //! the task's [`LevelScale`], so that one step means about the same for each param; the easy ends are fixed.
 
 use std::collections::BTreeMap;
@@ -10,8 +11,9 @@ use std::collections::BTreeMap;
 use env_core::KeyedRng;
 use serde::{Deserialize, Serialize};
 
-use crate::core::evidence::block::{DiscardedBlocks, EvidenceBlock, loss_warnings};
+use crate::core::evidence::block::EvidenceBlock;
 use crate::core::evidence::level_move::LevelMove;
+use crate::core::evidence::slot_queue::SlotQueue;
 use crate::core::explanation::{Explanation, TaskStatus};
 use crate::core::outcome::GroupOutcome;
 use crate::core::proposal::{Proposal, ProposalRole};
@@ -19,6 +21,7 @@ use crate::core::scale::LevelScale;
 use crate::core::settings::hyperparameters::adr::{BOUNDARY, BUFFER, NARROW, STEP, WIDEN};
 use crate::core::settings::{Settings, TaskPlan};
 use crate::core::shares;
+use crate::core::slot::{Slot, SlotKey};
 use crate::core::strategy::{Strategy, StrategyContext, StrategyState, drop_stale_tasks};
 
 /// State of ADR: the bounds of each task, one for each axis of its level scale.
@@ -28,7 +31,7 @@ pub(super) struct Adr {
 }
 
 /// Upper bound of a param.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 struct ParamBound {
     /// Position of the bound on the level scale.
     position: f64,
@@ -36,9 +39,10 @@ struct ParamBound {
     moves: u32,
     /// Seq of the last move. Proposals made before it held the param at another position and fill no buffer.
     since: u64,
+    /// Slots at the bound that are not settled.
+    queue: SlotQueue,
     filling: EvidenceBlock,
-    discarded: DiscardedBlocks,
-    /// Mean success rate of the last full buffer.
+    /// Mean success rate of the last full buffer, missing episodes counted as failures.
     last: Option<f64>,
 }
 
@@ -52,7 +56,7 @@ impl Strategy for Adr {
         let mut positions: Vec<f64> = bounds.iter().map(|bound| bound.position * rng.uniform()).collect();
         let (role, contested, why) = match boundary_axis {
             Some(axis) => {
-                let (bound, name) = (bounds[axis], scale.names().nth(axis).unwrap_or_default());
+                let (bound, name) = (&bounds[axis], scale.names().nth(axis).unwrap_or_default());
                 positions[axis] = bound.position;
                 let why = format!(
                     "{name} at its bound, {:.1} of {}: {} of {} scenarios are in",
@@ -71,22 +75,37 @@ impl Strategy for Adr {
         Proposal { contested, why, params: scale.params(&positions), ..Proposal::fresh(plan, None, role) }
     }
 
-    fn observe(&mut self, outcome: &GroupOutcome, ctx: &StrategyContext<'_>) -> Vec<LevelMove> {
-        let Some(plan) = ctx.settings.task(&outcome.task) else { return Vec::new() };
-        if !(outcome.evidence && outcome.contested && outcome.role == ProposalRole::Boundary) {
-            return Vec::new();
+    fn open_slot(&mut self, slot: &Slot, ctx: &StrategyContext<'_>) {
+        if slot.role == ProposalRole::Boundary
+            && let Some(bound) = self.bound(&slot.task, slot.proposal, ctx)
+            && slot.proposal >= bound.since
+        {
+            bound.queue.open(slot);
         }
-        let scale = LevelScale::new(plan);
-        // Repeats the proposal's draws up to its axis, which is therefore not stored.
-        let mut rng = StrategyContext { seq: outcome.proposal, ..*ctx }.rng();
-        let _task_draw = rng.uniform();
-        let Some(axis) = draw_boundary_axis(&mut rng, ctx.settings, scale.len()) else { return Vec::new() };
-        let bounds = self.tasks.entry(plan.task.clone()).or_insert_with(|| initial_bounds(plan));
-        let Some(bound) = bounds.get_mut(axis) else { return Vec::new() };
-        if outcome.proposal >= bound.since {
-            bound.observe(outcome, ctx, scale.last_position());
+    }
+
+    fn withdraw_slot(&mut self, slot: &Slot, ctx: &StrategyContext<'_>) -> Vec<LevelMove> {
+        self.end_slot(&slot.task, slot.key(), ctx, |queue| queue.withdraw(slot.key()));
+        Vec::new()
+    }
+
+    fn observe(&mut self, outcome: &GroupOutcome, ctx: &StrategyContext<'_>) -> Vec<LevelMove> {
+        if let Some(value) = outcome.evidence {
+            let key = outcome.slot_key();
+            self.end_slot(&outcome.task, key, ctx, |queue| queue.resolve(key, value));
         }
         Vec::new()
+    }
+
+    fn close_epoch(&mut self, task: &str, ctx: &StrategyContext<'_>) {
+        for bound in self.tasks.get_mut(task).into_iter().flatten() {
+            *bound = ParamBound {
+                since: ctx.seq,
+                position: bound.position,
+                moves: bound.moves,
+                ..ParamBound::default()
+            };
+        }
     }
 
     fn change_settings(&mut self, restarted: &[&str], ctx: &StrategyContext<'_>) {
@@ -105,8 +124,8 @@ impl Strategy for Adr {
                  the others within theirs; the rest draw all params within their bounds.",
                 100.0 * settings.hyperparameters.number(&BOUNDARY)
             ),
-            "A full buffer of such scenarios widens, narrows or keeps the bound. A buffer that lost more \
-             than 10 % of its episodes does not count."
+            "A full buffer of such scenarios widens, narrows or keeps the bound. A missing episode counts as \
+             a failure for widening, and as a success for narrowing."
                 .to_owned(),
         ];
         let summary =
@@ -116,7 +135,7 @@ impl Strategy for Adr {
 }
 
 impl StrategyState for Adr {
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
 
     fn new(_settings: &Settings) -> Self {
         Self::default()
@@ -134,6 +153,32 @@ impl StrategyState for Adr {
 }
 
 impl Adr {
+    /// Bound that a proposal was at. The proposal's draws are repeated up to its axis, which is therefore not stored.
+    fn bound(&mut self, task: &str, proposal: u64, ctx: &StrategyContext<'_>) -> Option<&mut ParamBound> {
+        let plan = ctx.settings.task(task)?;
+        let mut rng = StrategyContext { seq: proposal, ..*ctx }.rng();
+        let _task_draw = rng.uniform();
+        let axis = draw_boundary_axis(&mut rng, ctx.settings, LevelScale::new(plan).len())?;
+        self.tasks.entry(plan.task.clone()).or_insert_with(|| initial_bounds(plan)).get_mut(axis)
+    }
+
+    /// Ends a slot by `end`, which says whether the queue had it, and moves the bound by the slots that are settled.
+    fn end_slot(
+        &mut self,
+        task: &str,
+        key: SlotKey,
+        ctx: &StrategyContext<'_>,
+        end: impl FnOnce(&mut SlotQueue) -> bool,
+    ) {
+        let Some(plan) = ctx.settings.task(task) else { return };
+        let last_position = LevelScale::new(plan).last_position();
+        if let Some(bound) = self.bound(task, key.proposal, ctx)
+            && end(&mut bound.queue)
+        {
+            bound.settle(ctx, last_position);
+        }
+    }
+
     fn bounds(&self, plan: &TaskPlan) -> Vec<ParamBound> {
         self.tasks.get(&plan.task).cloned().unwrap_or_else(|| initial_bounds(plan))
     }
@@ -142,13 +187,9 @@ impl Adr {
     fn task_status(&self, plan: &TaskPlan) -> TaskStatus {
         let (scale, bounds) = (LevelScale::new(plan), self.bounds(plan));
         let positions: Vec<f64> = bounds.iter().map(|bound| bound.position).collect();
-        let warnings = bounds.iter().zip(scale.names()).flat_map(|(bound, name)| {
-            loss_warnings("buffer", &format!(" of {name} at its bound"), &bound.discarded, &bound.filling)
-        });
+        let earliest = bounds.iter().flat_map(|bound| [bound.filling.first, bound.queue.earliest_proposal()]);
         TaskStatus {
-            discarded: bounds.iter().map(|bound| bound.discarded.count).sum(),
-            warnings: warnings.collect(),
-            earliest_proposal: bounds.iter().filter_map(|bound| bound.filling.earliest_proposal()).min(),
+            earliest_proposal: earliest.flatten().min(),
             ..TaskStatus::without_levels(&plan.task, scale.params(&positions))
         }
     }
@@ -178,23 +219,30 @@ fn draw_boundary_axis(rng: &mut KeyedRng, settings: &Settings, axes: usize) -> O
 }
 
 impl ParamBound {
-    /// Records an outcome at the bound. A full buffer widens, narrows or keeps the bound, up to `last_position`.
-    fn observe(&mut self, outcome: &GroupOutcome, ctx: &StrategyContext<'_>, last_position: f64) {
+    /// Moves settled slots into the buffer. A full buffer widens, narrows or keeps the bound, up to `last_position`.
+    fn settle(&mut self, ctx: &StrategyContext<'_>, last_position: f64) {
+        let size = ctx.settings.hyperparameters.integer(&BUFFER);
+        while let Some(settled) = self.queue.next_settled() {
+            if let Some(full) = self.filling.record_until_full(settled, size) {
+                self.judge(&full, ctx, last_position);
+            }
+        }
+    }
+
+    fn judge(&mut self, full: &EvidenceBlock, ctx: &StrategyContext<'_>, last_position: f64) {
         let hyperparameters = &ctx.settings.hyperparameters;
-        let size = hyperparameters.integer(&BUFFER);
-        let Some(full) = self.filling.record_until_full(outcome, size, &mut self.discarded) else { return };
-        let (mean, step) = (full.mean(), hyperparameters.number(&STEP));
-        self.last = Some(mean);
-        let position = if mean >= hyperparameters.number(&WIDEN) {
+        let step = hyperparameters.number(&STEP);
+        self.last = Some(full.mean_low());
+        let position = if full.mean_low() >= hyperparameters.number(&WIDEN) {
             (self.position + step).min(last_position)
-        } else if mean <= hyperparameters.number(&NARROW) {
+        } else if full.mean_high() <= hyperparameters.number(&NARROW) {
             (self.position - step).max(0.0)
         } else {
             self.position
         };
         if (position - self.position).abs() > 0.0 {
             self.moves = self.moves.saturating_add(1);
-            (self.position, self.since, self.discarded) = (position, ctx.seq, DiscardedBlocks::default());
+            (self.position, self.since, self.queue) = (position, ctx.seq, SlotQueue::default());
         }
     }
 }

@@ -15,25 +15,30 @@ enum Step {
         successes: u32,
         lost: u32,
         contested: bool,
-        evidence: bool,
+        usable: bool,
     },
+    /// Withdraws one of the groups in flight.
+    Withdraw(usize),
     Change(usize),
+    RestartEvidence,
 }
 
 fn steps() -> impl Strategy<Value = Vec<Step>> {
     let report = (any::<usize>(), 0..9u32, 0..9u32, 0..2u32, any::<bool>(), prop::bool::weighted(0.9))
-        .prop_map(|(which, finished, successes, lost, contested, evidence)| Step::Report {
+        .prop_map(|(which, finished, successes, lost, contested, usable)| Step::Report {
             which,
             finished,
             successes: if successes > 6 { 0 } else { finished },
             lost: if successes == 0 { lost } else { 0 },
             contested,
-            evidence,
+            usable,
         });
     let one = prop_oneof![
         40 => Just(Step::Propose),
         40 => report,
+        1 => any::<usize>().prop_map(Step::Withdraw),
         1 => (0..VARIANTS).prop_map(Step::Change),
+        1 => Just(Step::RestartEvidence),
     ];
     prop::collection::vec(one, 0..1200)
 }
@@ -75,36 +80,54 @@ struct RecordedRun {
 fn run_steps(seed: u64, first: usize, steps: &[Step]) -> RecordedRun {
     let mut curriculum = Curriculum::new(seed, settings(first)).unwrap();
     let (mut in_flight, mut events, mut snapshots) = (Vec::new(), Vec::new(), vec![curriculum.snapshot()]);
+    let mut record = |curriculum: &Curriculum, event: &CurriculumEvent| {
+        events.push(serde_json::to_string(event).unwrap());
+        snapshots.push(curriculum.snapshot());
+    };
     for step in steps {
         let event = match *step {
             Step::Propose => {
                 let proposed = curriculum.propose();
                 in_flight.push(proposed.clone());
-                CurriculumEvent::Proposed(proposed.proposal)
-            }
-            Step::Report { which, finished, successes, lost, contested, evidence } => {
-                if in_flight.is_empty() {
+                record(&curriculum, &CurriculumEvent::Proposed(proposed.proposal.clone()));
+                if !is_slot(&proposed.proposal) {
                     continue;
                 }
+                let slots = vec![slot_of(&outcome_of(&proposed, 1, 0))];
+                curriculum.open_slots(&slots);
+                CurriculumEvent::Opened(slots)
+            }
+            Step::Report { .. } | Step::Withdraw(_) if in_flight.is_empty() => continue,
+            Step::Report { which, finished, successes, lost, contested, usable } => {
                 let proposed = in_flight.swap_remove(which % in_flight.len());
-                let contested = contested || proposed.proposal.contested;
+                let evidence =
+                    is_slot(&proposed.proposal).then(|| interval(finished + lost, finished, successes));
                 let outcome = GroupOutcome {
-                    contested,
+                    contested: contested || proposed.proposal.contested,
                     evidence,
-                    failed: lost,
+                    usable,
                     mean_score: 0.1 + 0.2 * f64::from(successes),
                     ..outcome_of(&proposed, finished, successes)
                 };
                 curriculum.observe(&outcome);
                 CurriculumEvent::Outcome(outcome)
             }
+            Step::Withdraw(which) => {
+                let proposed = in_flight.swap_remove(which % in_flight.len());
+                let slots = vec![slot_of(&outcome_of(&proposed, 1, 0))];
+                curriculum.withdraw_slots(&slots);
+                CurriculumEvent::Withdrawn(slots)
+            }
             Step::Change(which) => {
                 curriculum.change_settings(settings(which)).unwrap();
                 CurriculumEvent::Settings(settings(which).into())
             }
+            Step::RestartEvidence => {
+                curriculum.restart_evidence();
+                CurriculumEvent::EvidenceRestarted
+            }
         };
-        events.push(serde_json::to_string(&event).unwrap());
-        snapshots.push(curriculum.snapshot());
+        record(&curriculum, &event);
     }
     RecordedRun { curriculum, events, snapshots }
 }
@@ -150,11 +173,11 @@ proptest! {
 /// The run is long enough for placement, moves up and moves down.
 #[test]
 fn long_run_is_restored_at_every_stage() {
-    let steps: Vec<Step> = (0..3000)
+    let steps: Vec<Step> = (0..6000)
         .flat_map(|round: u32| {
-            let successes = u32::from(!(1500..2500).contains(&round));
+            let successes = u32::from(!(3000..5000).contains(&round));
             let report =
-                Step::Report { which: 0, finished: 1, successes, lost: 0, contested: true, evidence: true };
+                Step::Report { which: 0, finished: 1, successes, lost: 0, contested: true, usable: true };
             [Step::Propose, report]
         })
         .collect();
@@ -183,9 +206,10 @@ fn snapshot_of_another_version_is_rejected() {
     for strategy in StrategyKind::ALL {
         let curriculum = Curriculum::new(1, with_placement(&[SURVIVAL]).with_strategy(strategy)).unwrap();
         let mut snapshot = curriculum.snapshot();
+        let wanted = snapshot.version;
         snapshot.version += 1;
         let error = Curriculum::restore(1, snapshot).unwrap_err();
-        assert_eq!(error, RestoreError::OtherVersion { strategy, found: 2, wanted: 1 });
+        assert_eq!(error, RestoreError::OtherVersion { strategy, found: wanted + 1, wanted });
     }
 }
 
@@ -242,10 +266,12 @@ fn changed_settings_restart_only_changed_tasks() {
     assert!(run.curriculum.mastery().iter().all(|found| found.task == SURVIVAL));
     assert_eq!(run.curriculum.is_current(seq, &leased), leased.task == SURVIVAL);
     // An outcome under the old default params says nothing about the new ones.
-    let late = GroupOutcome { proposal: seq, ..outcome(ECO, Some(0), 1, 1) };
+    let epoch = run.status(ECO).epoch;
+    let late = GroupOutcome { proposal: seq, epoch, ..outcome(ECO, Some(0), 1, 1) };
+    run.curriculum.open_slots(&[slot_of(&late)]);
     run.curriculum.observe(&late);
     assert_eq!(run.status(ECO).block.unwrap().n, 0);
-    run.curriculum.observe(&GroupOutcome { proposal: seq + 2, ..late });
+    observe_new(&mut run.curriculum, &late);
     assert_eq!(run.status(ECO).block.unwrap().n, 1);
 
     let mastery = run.curriculum.mastery();

@@ -1,12 +1,16 @@
 //! Tests of the curriculum as a whole.
 //!
 //! - `rules`: single rules of the ladder, the baselines and the settings.
+//! - `slots`: which results count as evidence, and in which order.
 //! - `laws`: statistical properties over many seeds.
+//! - `evidence_laws`: no trainer can move a level by hiding, delaying or repeating results.
 //! - `fold`: snapshots and event replay.
 
+mod evidence_laws;
 mod fold;
 mod laws;
 mod rules;
+mod slots;
 
 use std::collections::VecDeque;
 
@@ -18,10 +22,11 @@ pub(super) const SURVIVAL: &str = "kessler/survival";
 pub(super) const ECO: &str = "kessler/eco_station";
 pub(super) const RENDEZVOUS: &str = "kessler/rendezvous";
 
-/// A contested frontier outcome of epoch 0 that counts as evidence.
+/// A contested frontier outcome of epoch 0 that is evidence, without missing episodes.
 pub(super) fn outcome(task: &str, level: Option<u32>, finished: u32, successes: u32) -> GroupOutcome {
     GroupOutcome {
         proposal: 0,
+        group: 0,
         task: task.to_owned(),
         level,
         epoch: 0,
@@ -29,15 +34,72 @@ pub(super) fn outcome(task: &str, level: Option<u32>, finished: u32, successes: 
         contested: true,
         finished,
         successes,
-        failed: 0,
-        expired: 0,
-        evidence: true,
+        evidence: Some(interval(finished, finished, successes)),
+        usable: finished > 0,
         mean_score: 0.5,
         mean_skill: None,
         source: ScenarioSource::Fresh,
         params: Vec::new(),
         signals: LearningSignals::default(),
     }
+}
+
+/// Interval of a group of `size` episodes.
+pub(super) fn interval(size: u32, finished: u32, successes: u32) -> SuccessInterval {
+    SuccessInterval::of_episodes(EpisodeTally { size, finished, successes, abandoned: 0 })
+}
+
+/// The slot of an outcome, in the lease 0.
+pub(super) fn slot_of(outcome: &GroupOutcome) -> Slot {
+    Slot {
+        proposal: outcome.proposal,
+        group: outcome.group,
+        lease: 0,
+        task: outcome.task.clone(),
+        level: outcome.level,
+        epoch: outcome.epoch,
+        role: outcome.role,
+    }
+}
+
+/// Opens a slot of its own for an outcome and observes it. Returns the moves it causes.
+pub(super) fn observe_new(curriculum: &mut Curriculum, outcome: &GroupOutcome) -> Vec<LevelMove> {
+    let outcome = GroupOutcome { proposal: curriculum.next_seq(), ..outcome.clone() };
+    if outcome.evidence.is_some() {
+        curriculum.open_slots(&[slot_of(&outcome)]);
+    }
+    curriculum.observe(&outcome).moves
+}
+
+/// True if the scenario of a proposal is evidence: it is contested if the proposal asked for it.
+fn is_slot(proposal: &Proposal) -> bool {
+    proposal.contested && proposal.source.is_fresh()
+}
+
+/// A frontier outcome at the current level and epoch.
+fn current_outcome(curriculum: &Curriculum, task: &str, finished: u32, successes: u32) -> GroupOutcome {
+    let status = curriculum.status().into_iter().find(|status| status.task == task).unwrap();
+    GroupOutcome { epoch: status.epoch, ..outcome(task, status.level, finished, successes) }
+}
+
+/// Fills a block of 32 with this many successes and returns the moves it causes.
+fn fill_block(curriculum: &mut Curriculum, successes: u32) -> Vec<LevelMove> {
+    let first = current_outcome(curriculum, SURVIVAL, 1, 0);
+    (0..32)
+        .flat_map(|at| {
+            let successes = u32::from(at < successes);
+            let value = interval(1, 1, successes);
+            observe_new(curriculum, &GroupOutcome { successes, evidence: Some(value), ..first.clone() })
+        })
+        .collect()
+}
+
+fn survival_status(curriculum: &Curriculum) -> TaskStatus {
+    curriculum.status().into_iter().find(|status| status.task == SURVIVAL).unwrap()
+}
+
+fn ladder() -> Curriculum {
+    Curriculum::new(1, without_placement(&[SURVIVAL])).unwrap()
 }
 
 /// The outcome of a proposal, whose scenario is contested if the proposal asked for it.
@@ -48,6 +110,7 @@ fn outcome_of(proposed: &SequencedProposal, finished: u32, successes: u32) -> Gr
         epoch: proposal.epoch,
         role: proposal.role,
         contested: proposal.contested,
+        evidence: is_slot(proposal).then(|| interval(finished, finished, successes)),
         source: proposal.source.clone(),
         params: if proposal.level.is_none() { proposal.params.clone() } else { Vec::new() },
         signals: LearningSignals {
@@ -107,7 +170,11 @@ impl TrainingRun {
         ability: &mut dyn FnMut(&Proposal, &mut KeyedRng) -> f64,
         tamper: impl Fn(&mut GroupOutcome),
     ) -> Option<GroupOutcome> {
-        self.in_flight.push_back(self.curriculum.propose());
+        let proposed = self.curriculum.propose();
+        if is_slot(&proposed.proposal) {
+            self.curriculum.open_slots(&[slot_of(&outcome_of(&proposed, 1, 0))]);
+        }
+        self.in_flight.push_back(proposed);
         if self.in_flight.len() <= self.lag {
             return None;
         }

@@ -10,7 +10,7 @@ use proptest::prelude::*;
 use store::critiques::{self, CritiqueCounters, CritiqueJob, NewCritiqueJob};
 use store::failure_sectors::{self, InertialSectorRow};
 use store::failures::{self, CellCounters, CellKey, EncounterBin, FailureCursor, FailureFilter};
-use store::leases::{self, LeaseForm, LeaseRow, LeaseStatus, Purpose};
+use store::leases::{self, Disclosure, LeaseForm, LeaseRow, LeaseStatus, Purpose};
 
 use crate::critiques::criticise::criticise;
 use crate::critiques::critique_input::{CritiqueEpisode, CritiqueInput, SelectedEpisode};
@@ -52,6 +52,8 @@ impl Change for EnqueueJobs {
             ttl_ms: 1000,
             created_at: 0,
             expires_at: 1000,
+            first_expires_at: 0,
+            disclosure: Disclosure::Lease,
         };
         leases::insert(&mut tx.conn, &row, &[]).await?;
         let mut first = 0;

@@ -1,7 +1,6 @@
-//! Outcomes of designed groups: they update the layout and, if the run wants that, the curriculum.
+//! Outcomes of designed groups: they update the layout, and are no evidence of mastery.
 
 use env_core::bracket::MIN_GAP;
-use serde_json::Value;
 use store::episodes::{self, FinishedEpisode};
 use store::groups::GroupRow;
 use store::keys::EpisodeSpan;
@@ -12,12 +11,9 @@ use store::leases::LeaseRow;
 use store::{StoreError, from_json, to_json, to_u32};
 
 use crate::designs::layout_status::{LayoutHistory, LayoutStatus};
-use crate::designs::serve::is_at_frontier;
 use crate::engine::error::ServiceError;
 use crate::engine::run_tx::RunTx;
-use crate::results::observe::observe;
 use crate::runs::settings::RunSettings;
-use curriculum::{GroupOutcome, LearningSignals, LevelMove, ProposalRole, ScenarioSource};
 
 /// Counts a closed designed group. A group with too few finished episodes, or with results of too old a policy, does not count for
 /// its layout; it is not offered again.
@@ -26,70 +22,20 @@ pub(crate) async fn observe_designed_group(
     lease: &LeaseRow,
     group: &GroupRow,
     is_enough: bool,
-    expired: i64,
-) -> Result<Vec<LevelMove>, ServiceError> {
+) -> Result<(), ServiceError> {
     let from = group.number * lease.group_size;
     let span = EpisodeSpan { lease: lease.id, from, to: from + lease.group_size };
     let finished = episodes::finished(run.conn, span).await?;
     let is_stale = is_outdated(&run.state.settings, run.state.policy_version, &finished);
-    let mut is_first = false;
-    if is_enough && !is_stale {
-        let row = match group.layout {
-            Some(id) => layouts::get(run.conn, id).await?,
-            None => None,
-        };
-        if let Some(row) = row {
-            is_first = row.outcomes == 0 && has_params_of_level(&run.state.settings, &row)?;
-            update_layout(run.conn, row, &finished, run.now).await?;
-        }
+    if !is_enough || is_stale {
+        return Ok(());
     }
-    if !group.is_evidence || !is_first || !is_at_frontier(run.state, &group.task, group.level) {
-        return Ok(Vec::new());
+    if let Some(id) = group.layout
+        && let Some(row) = layouts::get(run.conn, id).await?
+    {
+        update_layout(run.conn, row, &finished, run.now).await?;
     }
-    if !is_stale && group.is_contested && group.finished > 0 {
-        let counts = run.task_counts(&group.task);
-        counts.contested_groups += 1;
-        counts.success_rate_sum += group.successes as f64 / group.finished as f64;
-    }
-    let epoch =
-        run.state.curriculum.status().into_iter().find(|s| s.task == group.task).map_or(0, |s| s.epoch);
-    let outcome = GroupOutcome {
-        // A designed group has no proposal; the sequence number of its own event identifies it.
-        proposal: run.state.curriculum.next_seq(),
-        task: group.task.clone(),
-        level: group.level.map(to_u32),
-        epoch,
-        role: ProposalRole::Frontier,
-        contested: group.is_contested,
-        finished: if is_enough { to_u32(group.finished) } else { 0 },
-        successes: if is_enough { to_u32(group.successes) } else { 0 },
-        failed: to_u32(group.failed),
-        expired: to_u32(expired),
-        evidence: !is_stale,
-        mean_score: mean(finished.iter().map(|f| f.score)).unwrap_or(0.0),
-        mean_skill: mean(finished.iter().filter_map(|f| f.skill)),
-        source: ScenarioSource::Fresh,
-        params: Vec::new(),
-        signals: LearningSignals::default(),
-    };
-    observe(run, outcome).await
-}
-
-/// Returns true if a layout has the params of the level it was designed for: a design may choose others near it.
-fn has_params_of_level(settings: &RunSettings, row: &LayoutRow) -> Result<bool, StoreError> {
-    let Some(plan) = settings.curriculum.task(&row.task) else { return Ok(false) };
-    let params = plan.params(row.level.map(to_u32));
-    let Some(text) = &row.design else { return Ok(false) };
-    let design: Value = from_json("a design", text)?;
-    let same = |(name, value): (&String, &Value)| {
-        params.iter().any(|(known, expected)| known == name && value.as_f64() == Some(*expected))
-    };
-    Ok(design.get("params").and_then(Value::as_object).is_none_or(|chosen| chosen.iter().all(same)))
-}
-
-fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (sum, n) = values.fold((0.0, 0u32), |(sum, n), value| (sum + value, n + 1));
-    (n > 0).then(|| sum / f64::from(n))
+    Ok(())
 }
 
 /// Returns true if the oldest policy version among the episodes is too old to count.

@@ -3,7 +3,6 @@
 
 use std::collections::BTreeMap;
 
-use api_types::EvidenceFrom;
 use env_core::KeyedRng;
 use env_core::keyed_rng::RngPurpose;
 use sqlx::SqliteConnection;
@@ -15,7 +14,6 @@ use store::{StoreError, to_u64};
 
 use crate::designs::DesignSettings;
 use crate::engine::run_state::RunState;
-use crate::runs::settings::RunSettings;
 
 /// Share of designed groups that probe a retired layout, in case the agent has forgotten or learnt it.
 pub const PROBE_SHARE: f64 = 0.05;
@@ -170,31 +168,15 @@ impl LayoutChooser {
     }
 }
 
-/// Returns the row of a group on a layout.
+/// Returns the row of a group on a layout. Its outcome is no evidence of mastery: a layout is aimed at the agent's failures.
 pub(crate) fn designed_group(state: &RunState, number: i64, layout: ServableLayout) -> GroupRow {
-    let contested = layout.kind == LayoutKind::Threat;
-    let evidence =
-        contested && is_evidence(&state.settings) && is_at_frontier(state, &layout.task, layout.level);
     GroupRow {
         layout: Some(layout.id),
         level: layout.level,
-        is_contested: contested,
-        is_evidence: evidence,
+        is_contested: layout.kind == LayoutKind::Threat,
         is_for_training: !state.settings.curriculum.strategy.trains_on_replays_only(),
         ..GroupRow::open(number, GroupRole::Designed, layout.task, layout.scenario)
     }
-}
-
-/// Returns true if outcomes of designed groups may move the curriculum.
-const fn is_evidence(settings: &RunSettings) -> bool {
-    settings.design.evidence && matches!(settings.evidence_from, EvidenceFrom::Train)
-}
-
-/// Returns true if a level is the current level of its task, after placement.
-pub(crate) fn is_at_frontier(state: &RunState, task: &str, level: Option<i64>) -> bool {
-    let status = state.curriculum.status();
-    let status = status.iter().find(|status| status.task == task);
-    status.is_some_and(|s| s.placement_done && s.level.is_some() && s.level.map(i64::from) == level)
 }
 
 #[cfg(test)]

@@ -27,8 +27,6 @@ pub struct DesignSettings {
     pub designer: DesignerChoice,
     /// The share of training groups that one layout may take, above 0 and at most 1.
     pub layout_share: f64,
-    /// True if outcomes of designed groups are evidence.
-    pub evidence: bool,
     /// Number of active layouts near the current level that are kept in reserve, for each task.
     pub reserve: u32,
 }
@@ -36,7 +34,7 @@ pub struct DesignSettings {
 /// The settings of a run that was stored without design settings: nothing is designed.
 impl Default for DesignSettings {
     fn default() -> Self {
-        Self { share: 0.0, designer: DesignerChoice::Off, layout_share: 0.05, evidence: false, reserve: 8 }
+        Self { share: 0.0, designer: DesignerChoice::Off, layout_share: 0.05, reserve: 8 }
     }
 }
 
@@ -60,13 +58,7 @@ impl DesignSettings {
         }
         let reserve = request.reserve.unwrap_or(8);
         check_range("design.reserve", reserve, 1, 64)?;
-        Ok(Self {
-            share,
-            designer: request.designer.unwrap_or(DesignerChoice::Auto),
-            layout_share,
-            evidence: request.evidence.unwrap_or(false),
-            reserve,
-        })
+        Ok(Self { share, designer: request.designer.unwrap_or(DesignerChoice::Auto), layout_share, reserve })
     }
 
     /// Returns true if layouts are designed and served.

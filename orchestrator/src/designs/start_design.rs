@@ -103,7 +103,7 @@ async fn start_waiting(run: &mut RunTx<'_>, id: i64) -> Result<Option<StartedDes
 async fn start_due(run: &mut RunTx<'_>, has_llm: bool) -> Result<Option<StartedDesignRequest>, ServiceError> {
     let RunTx { conn, state, now, .. } = run;
     let design = state.settings.design;
-    let may_design = design.is_enabled() && !state.is_paused;
+    let may_design = design.is_enabled() && state.paused_at.is_none();
     let Some(designer) = crate::designs::designer_kind(design.designer, has_llm).filter(|_| may_design)
     else {
         return Ok(None);

@@ -57,6 +57,9 @@ pub enum ServiceError {
     /// The run is paused and grants no leases.
     #[error("run {0} is paused; resume it to create leases")]
     Paused(String),
+    /// The trainer has not begun the group of the episode, so its scenario is not disclosed; holds the id of the episode.
+    #[error("the group of episode {0} is not begun; begin the group first")]
+    NotBegun(String),
     /// The lease has ended.
     #[error("lease {lease} is {status}; create another lease")]
     LeaseClosed {

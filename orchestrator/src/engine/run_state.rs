@@ -10,13 +10,13 @@ use crate::metrics;
 use crate::runs::settings::RunSettings;
 use ::curriculum::{
     Curriculum, CurriculumEvent, GroupOutcome, LevelMove, MoveKind, ObservedOutcome, ProposalRole,
-    SequencedProposal, Settings, Snapshot,
+    SequencedProposal, Settings, Slot, Snapshot,
 };
 use clock::Millis;
 use store::curriculum::{self, CurriculumRecord, LevelMoveKind, LevelMoveRow, NewCurriculumEvent};
 use store::groups::GroupRole;
 use store::proposals::{self, NewProposal};
-use store::runs::{self, RunStatus};
+use store::runs;
 use store::{StoreError, from_json, to_i64, to_json, to_u64};
 
 /// Curriculum events between two snapshots.
@@ -34,8 +34,8 @@ pub struct RunState {
     pub seed: u64,
     /// Current settings of the run.
     pub settings: RunSettings,
-    /// True if the run grants no leases.
-    pub is_paused: bool,
+    /// When the run was paused; `None` while it grants leases.
+    pub paused_at: Option<Millis>,
     /// Newest policy version that was reported.
     pub policy_version: i64,
     /// The curriculum: a fold over the run's curriculum events.
@@ -84,13 +84,19 @@ impl RunState {
             run: row.id,
             seed,
             settings,
-            is_paused: row.status == RunStatus::Paused,
+            paused_at: row.paused_at,
             policy_version: row.policy_version,
             curriculum,
             profiles: BTreeMap::new(),
             snapshot_at,
             unwritten: Vec::new(),
         })
+    }
+
+    /// Time by which the deadlines of the run's leases are judged: they stand still while the run is paused.
+    #[must_use]
+    pub fn lease_clock(&self, now: Millis) -> Millis {
+        self.paused_at.map_or(now, |paused_at| now.min(paused_at))
     }
 
     /// Takes the curriculum events that are not written yet. The caller writes them.
@@ -123,6 +129,39 @@ impl RunState {
         Ok(proposed)
     }
 
+    /// Tells the curriculum of groups that are slots. They are disclosed to their trainer after this.
+    ///
+    /// # Errors
+    /// Returns an error of the store if a statement fails.
+    pub async fn open_slots(
+        &mut self,
+        conn: &mut SqliteConnection,
+        slots: Vec<Slot>,
+        now: Millis,
+    ) -> Result<(), StoreError> {
+        if slots.is_empty() {
+            return Ok(());
+        }
+        let seq = to_i64(self.curriculum.open_slots(&slots));
+        let body = to_json(&CurriculumEvent::Opened(slots))?;
+        self.unwritten.push(NewCurriculumEvent { seq, body, at: now });
+        self.snapshot_if_due(conn).await
+    }
+
+    /// Drops slots whose groups the server lost before a trainer saw them, and stores the level moves that this caused.
+    ///
+    /// # Errors
+    /// Returns an error of the store if a statement fails.
+    pub async fn withdraw_slots(
+        &mut self,
+        conn: &mut SqliteConnection,
+        slots: Vec<Slot>,
+        now: Millis,
+    ) -> Result<Vec<LevelMove>, StoreError> {
+        let observed = self.curriculum.withdraw_slots(&slots);
+        self.record_moves(conn, observed, &CurriculumEvent::Withdrawn(slots), now).await
+    }
+
     /// Passes an outcome to the curriculum, and stores the event and the level moves it caused.
     ///
     /// # Errors
@@ -133,9 +172,21 @@ impl RunState {
         outcome: GroupOutcome,
         now: Millis,
     ) -> Result<Vec<LevelMove>, StoreError> {
-        let ObservedOutcome { seq, moves } = self.curriculum.observe(&outcome);
-        let (seq, body) = (to_i64(seq), to_json(&CurriculumEvent::Outcome(outcome))?);
-        self.unwritten.push(NewCurriculumEvent { seq, body, at: now });
+        let observed = self.curriculum.observe(&outcome);
+        self.record_moves(conn, observed, &CurriculumEvent::Outcome(outcome), now).await
+    }
+
+    /// Stores an event that may move levels, and its moves.
+    async fn record_moves(
+        &mut self,
+        conn: &mut SqliteConnection,
+        observed: ObservedOutcome,
+        event: &CurriculumEvent,
+        now: Millis,
+    ) -> Result<Vec<LevelMove>, StoreError> {
+        let ObservedOutcome { seq, moves } = observed;
+        let seq = to_i64(seq);
+        self.unwritten.push(NewCurriculumEvent { seq, body: to_json(event)?, at: now });
         for level_move in &moves {
             let row = LevelMoveRow {
                 seq,
@@ -160,6 +211,17 @@ impl RunState {
         let event = CurriculumEvent::Settings(settings.clone().into());
         let seq = to_i64(self.curriculum.change_settings(settings)?);
         self.unwritten.push(NewCurriculumEvent { seq, body: to_json(&event)?, at: now });
+        Ok(())
+    }
+
+    /// Drops all evidence of the run: results have another meaning from now on.
+    ///
+    /// # Errors
+    /// Returns [`ServiceError::Store`] if the event cannot be written as JSON.
+    pub fn restart_evidence(&mut self, now: Millis) -> Result<(), ServiceError> {
+        let seq = to_i64(self.curriculum.restart_evidence());
+        let body = to_json(&CurriculumEvent::EvidenceRestarted)?;
+        self.unwritten.push(NewCurriculumEvent { seq, body, at: now });
         Ok(())
     }
 

@@ -23,6 +23,12 @@ pub struct RunTx<'a> {
 }
 
 impl RunTx<'_> {
+    /// Time by which the deadlines of the run's leases are judged.
+    #[must_use]
+    pub fn lease_clock(&self) -> Millis {
+        self.state.lease_clock(self.now)
+    }
+
     /// Emits an event of the run. Listeners receive it after the commit.
     ///
     /// # Errors

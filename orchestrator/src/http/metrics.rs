@@ -72,7 +72,7 @@ async fn get_metrics(State(app): State<AppState>) -> Result<Response, Problem> {
     for MasteryGauge { run, task, level, mastery } in
         app.writer.query(MasteryGaugesQuery).await.unwrap_or_default()
     {
-        metrics::set_task(&run, &task, level, mastery);
+        metrics::set_task(&run, &task, level, mastery.as_ref());
     }
     let crate::engine::writer::QueueLengths { urgent, bulk } = app.writer.queue_lengths();
     metrics::set_writer_queue(urgent, bulk);

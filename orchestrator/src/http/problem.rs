@@ -176,6 +176,7 @@ impl From<ServiceError> for Problem {
             E::RunNotArchived(_) => problem(StatusCode::CONFLICT, "run_not_archived"),
             E::RunNameMismatch { .. } => problem(StatusCode::CONFLICT, "name_mismatch").at("name"),
             E::Paused(_) => problem(StatusCode::CONFLICT, "paused"),
+            E::NotBegun(_) => problem(StatusCode::CONFLICT, "not_begun"),
             E::ColumnsConflict(_) => problem(StatusCode::CONFLICT, "columns_conflict"),
             E::AuditDue(_) => problem(StatusCode::CONFLICT, "audit_due"),
             E::LeaseClosed { .. } => problem(StatusCode::CONFLICT, "lease_closed"),

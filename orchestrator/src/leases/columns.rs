@@ -1,23 +1,29 @@
-//! Creates a lease of columns: ranges of seeds instead of single groups.
+//! Creates a lease of columns: ranges of seeds instead of single groups. The groups to audit are drawn with the lease. Their brackets
+//! take milliseconds, so they are computed between two changes: the first makes the proposals, the second grants the lease.
 
-use crate::engine::run_state::group_role;
-use crate::metrics::LeaseEvent;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use env_core::{Recipe, Scenario, Seed, SeedSpace};
-use store::columns::{self, SeedRangeRow};
-use store::leases::{self, LeaseForm, LeaseRow, Purpose};
-use store::{StoreError, proposals, scenarios, to_i64, to_u64};
+use env_core::{Seed, SeedSpace};
+use rayon::ThreadPool;
+use sqlx::SqliteConnection;
+use store::columns::{self, SampledGroupRow, SeedRangeRow};
+use store::leases::{self, Disclosure, LeaseForm, LeaseRow, Purpose};
+use store::{StoreError, brackets, from_json, proposals, scenarios, to_i64, to_u32};
 
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
-use crate::engine::run_state::RunState;
+use crate::engine::run_state::{RunState, group_role};
 use crate::engine::run_tx::RunTx;
 use crate::engine::write_tx::WriteTx;
-use crate::leases::create::{CreateLease, GrantedLease, TTL_S};
+use crate::engine::writer::Writer;
+use crate::leases::audit_sample::{RecipeRange, SampledGroup, draw_sample};
+use crate::leases::create::{CreateLease, GrantedLease, TTL_S, counts_as_evidence};
 use crate::leases::prepare::recipe_of;
 use crate::leases::seeds::seed_of;
+use crate::leases::slots::slot_of;
+use crate::metrics::LeaseEvent;
 use crate::runs::settings::MAX_GROUP_SIZE;
 use crate::runs::validate::{check_episodes, check_range};
 use curriculum::{Proposal, SequencedProposal};
@@ -29,13 +35,39 @@ pub const MAX_COLUMN_GROUPS: u32 = 100_000;
 const MAX_SEED_RANGES: u32 = 64;
 
 /// Creates a lease whose episodes are ranges of seeds.
-#[derive(Debug, Clone)]
-pub struct CreateColumnLease(pub CreateLease);
+///
+/// # Errors
+/// Returns an error if the lease may not be granted.
+pub async fn create_column_lease(
+    writer: &Writer,
+    threads: &Arc<ThreadPool>,
+    request: CreateLease,
+) -> Result<GrantedLease, ServiceError> {
+    let ReservedRanges { ranges, audit_groups } = writer.change(ReserveRanges(request.clone())).await?;
+    let threads = Arc::clone(threads);
+    let drawn = tokio::task::spawn_blocking(move || {
+        let sample = threads.install(|| draw_sample(&ranges, audit_groups))?;
+        Ok::<_, ServiceError>((ranges, sample))
+    });
+    let (ranges, sample) =
+        drawn.await.map_err(|error| ServiceError::invalid("form", error.to_string()))??;
+    writer.change(CreateColumnLease { request, ranges, sample }).await
+}
 
-impl CreateColumnLease {
+/// Makes the proposals of a lease of columns.
+struct ReserveRanges(CreateLease);
+
+/// Ranges of a lease that is not granted yet.
+struct ReservedRanges {
+    ranges: Vec<RecipeRange>,
+    /// Number of groups to audit.
+    audit_groups: usize,
+}
+
+impl ReserveRanges {
     fn check(&self, state: &RunState) -> Result<u32, ServiceError> {
         let Self(request) = self;
-        if state.is_paused {
+        if state.paused_at.is_some() {
             return Err(ServiceError::Paused(state.run.clone()));
         }
         if request.purpose == Purpose::Eval {
@@ -44,6 +76,10 @@ impl CreateColumnLease {
         }
         if request.evaluation.is_some() {
             return Err(ServiceError::invalid("evaluation", "needs `form: groups` and `purpose: eval`"));
+        }
+        if request.disclosure == Disclosure::Begin {
+            let why = "must be `lease` with `form: columns`: ranges of seeds are disclosed with the lease";
+            return Err(ServiceError::invalid("disclosure", why));
         }
         if request.refill {
             let why = "needs results per group; leave it out, or use `form: groups`";
@@ -65,17 +101,15 @@ impl CreateColumnLease {
     }
 }
 
-impl Change for CreateColumnLease {
-    type Output = GrantedLease;
+impl Change for ReserveRanges {
+    type Output = ReservedRanges;
 
-    async fn apply(self, tx: &mut WriteTx) -> Result<GrantedLease, ServiceError> {
+    async fn apply(self, tx: &mut WriteTx) -> Result<ReservedRanges, ServiceError> {
         let (run, now) = (self.0.run.as_str(), tx.now);
         let RunTx { state, conn, .. } = tx.run(run).await?;
         let group_size = self.check(state)?;
-        let row = self.0.new_row(conn, group_size, now).await?;
-        let row = LeaseRow { form: LeaseForm::Columns, ..row };
-        leases::insert(conn, &row, &[]).await?;
-        let mut first = 0;
+        self.0.new_row(conn, group_size, now).await?; // the run and the owner may have another lease
+        let (mut first, mut ranges) = (0, Vec::new());
         let shares: Vec<u32> = split(self.0.groups).collect();
         let proposed = state.propose(conn, now, shares.len() as u64).await?;
         let seqs: Vec<i64> = proposed.iter().map(|proposed| to_i64(proposed.seq)).collect();
@@ -83,12 +117,74 @@ impl Change for CreateColumnLease {
         for ((number, groups), SequencedProposal { seq, proposal }) in (0..).zip(shares).zip(proposed) {
             let range = seed_range(state, seq, &proposal, SeedRange { number, first, groups })?;
             let recipe = recipe_of(&proposal).map_err(StoreError::from)?;
-            scenarios::insert_recipes(conn, &[&recipe]).await?;
-            columns::insert_range(conn, row.id, &range).await?;
+            ranges.push(RecipeRange { range, recipe: Arc::new(recipe) });
             first += groups;
         }
+        Ok(ReservedRanges { ranges, audit_groups: state.settings.audit_groups as usize })
+    }
+}
+
+/// Grants a lease of columns: its ranges, its secret audit sample, and the slots of the sample.
+struct CreateColumnLease {
+    request: CreateLease,
+    ranges: Vec<RecipeRange>,
+    sample: Vec<SampledGroup>,
+}
+
+impl Change for CreateColumnLease {
+    type Output = GrantedLease;
+
+    async fn apply(self, tx: &mut WriteTx) -> Result<GrantedLease, ServiceError> {
+        let (run, now) = (self.request.run.as_str(), tx.now);
+        let RunTx { state, conn, .. } = tx.run(run).await?;
+        let group_size = self.request.group_size.unwrap_or(state.settings.group_size);
+        let row = self.request.new_row(conn, group_size, now).await?;
+        let row = LeaseRow { form: LeaseForm::Columns, ..row };
+        leases::insert(conn, &row, &[]).await?;
+        for RecipeRange { range, recipe } in &self.ranges {
+            scenarios::insert_recipes(conn, &[&**recipe]).await?;
+            columns::insert_range(conn, row.id, range).await?;
+        }
+        self.store_sample(conn, state, &row, now).await?;
         tx.emit(run, &RunEvent::lease(&row, LeaseEvent::Created))?;
         Ok(GrantedLease { row, groups: Vec::new(), scenarios: None })
+    }
+}
+
+impl CreateColumnLease {
+    /// Stores the sample with its scenarios and brackets, and opens its slots.
+    async fn store_sample(
+        &self,
+        conn: &mut SqliteConnection,
+        state: &mut RunState,
+        row: &LeaseRow,
+        now: i64,
+    ) -> Result<(), ServiceError> {
+        let is_evidence = counts_as_evidence(row.purpose, &state.settings);
+        let scenarios: Vec<_> = self.sample.iter().map(|group| &group.scenario).collect();
+        scenarios::insert(conn, &scenarios).await?;
+        let ids: Vec<_> = scenarios.iter().map(|scenario| scenario.id()).collect();
+        let brackets = ids.iter().zip(&self.sample).map(|(id, group)| (id.0.as_slice(), &group.bracket));
+        brackets::insert(conn, &brackets.collect::<Vec<_>>()).await?;
+        let seqs: Vec<i64> = self.ranges.iter().map(|of| of.range.proposal).collect();
+        let mut proposals = BTreeMap::new();
+        for leased in proposals::get_many(conn, &state.run, &seqs).await? {
+            proposals.insert(leased.seq, from_json::<Proposal>("a proposal", &leased.body)?);
+        }
+        let (mut rows, mut slots) = (Vec::new(), Vec::new());
+        for (group, id) in self.sample.iter().zip(&ids) {
+            let range = self.ranges.iter().map(|of| &of.range).find(|range| range.holds(group.number));
+            let proposal = range.and_then(|range| Some((range.proposal, proposals.get(&range.proposal)?)));
+            let Some((seq, proposal)) = proposal else { continue }; // each group is in a range, which has its proposal
+            let is_slot = is_evidence && group.is_contested && proposal.source.is_fresh();
+            if is_slot {
+                slots.push(slot_of(row.id, seq, to_u32(group.number), proposal));
+            }
+            let (number, is_contested) = (group.number, group.is_contested);
+            rows.push(SampledGroupRow { number, scenario: id.0.to_vec(), is_contested, is_slot });
+        }
+        columns::insert_sample(conn, row.id, &rows).await?;
+        Ok(state.open_slots(conn, slots, now).await?)
     }
 }
 
@@ -134,15 +230,6 @@ fn seed_range(
         failed: 0,
         score_sum: 0.0,
     })
-}
-
-/// Builds the scenario of a group of a range.
-///
-/// # Errors
-/// Returns an error if the stored seed is out of range.
-pub fn scenario_of(range: &SeedRangeRow, recipe: Arc<Recipe>, group: i64) -> Result<Scenario, StoreError> {
-    let seed = Seed::new(to_u64(range.first_seed + (group - range.first_group)))?;
-    Ok(Scenario::new(recipe, seed))
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use sqlx::SqliteConnection;
 use store::design_counters::{self, TrainingGroups};
 use store::groups::GroupRow;
 use store::ids::{RunId, random_token};
-use store::leases::{self, LeaseForm, LeaseRow, LeaseStatus, Purpose};
+use store::leases::{self, Disclosure, LeaseForm, LeaseRow, LeaseStatus, Purpose};
 use store::proposals::{self, QueuedProposal};
 use store::servable_layouts::{self, ServableLayout};
 use store::{refills, tokens};
@@ -19,12 +19,13 @@ use crate::engine::event::RunEvent;
 use crate::engine::run_state::RunState;
 use crate::engine::run_tx::RunTx;
 use crate::engine::write_tx::WriteTx;
-use crate::leases::group_row::proposed_group;
+use crate::leases::group_row::{GroupTerms, ProposedGroup, proposed_group};
 use crate::leases::proposal_queue::{self, QUEUE_TARGET};
 use crate::leases::scenario_cache::ScenarioCache;
 use crate::metrics::LeaseEvent;
-use crate::runs::settings::MAX_GROUP_SIZE;
+use crate::runs::settings::{MAX_GROUP_SIZE, RunSettings};
 use crate::runs::validate::{check_episodes, check_range};
+use curriculum::Slot;
 
 /// Most groups of a lease.
 pub const MAX_GROUPS: u32 = 1024;
@@ -59,6 +60,8 @@ pub struct CreateLease {
     pub refill: bool,
     /// Number of the evaluation whose scenarios are requested.
     pub evaluation: Option<i64>,
+    /// When the lease discloses its scenarios.
+    pub disclosure: Disclosure,
 }
 
 /// Owner of a new lease or run, and how many of them the owner may have.
@@ -84,7 +87,7 @@ pub struct GrantedLease {
 impl CreateLease {
     /// Checks the request against the run, and returns the group size.
     pub(crate) fn check(&self, state: &RunState) -> Result<u32, ServiceError> {
-        if state.is_paused {
+        if state.paused_at.is_some() {
             return Err(ServiceError::Paused(state.run.clone()));
         }
         let group_size = self.group_size.unwrap_or(state.settings.group_size);
@@ -95,6 +98,10 @@ impl CreateLease {
         if self.evaluation.is_some() && self.purpose != Purpose::Eval {
             let why = "needs `purpose: eval`";
             return Err(ServiceError::invalid("evaluation", why));
+        }
+        if self.disclosure == Disclosure::Begin && self.purpose == Purpose::Eval {
+            let why = "must be `lease` with `purpose: eval`: evaluations are no evidence of mastery";
+            return Err(ServiceError::invalid("disclosure", why));
         }
         if self.refill && (group_size < 2 || self.purpose != Purpose::Train) {
             let why = "needs `purpose: train` and a `group_size` of at least 2";
@@ -136,6 +143,8 @@ impl CreateLease {
             ttl_ms,
             created_at: now,
             expires_at: now + ttl_ms,
+            first_expires_at: now + ttl_ms,
+            disclosure: self.disclosure,
         })
     }
 }
@@ -154,8 +163,9 @@ impl Change for CreateLease {
         };
         let proposed = designed.iter().filter(|layout| layout.is_none()).count();
         let Some(head) = self.take_proposals(&mut run, proposed).await? else { return Ok(None) };
-        let groups = self.group_rows(&mut run, head, designed).await?;
+        let (groups, slots) = self.group_rows(&mut run, &row, head, designed).await?;
         leases::insert(run.conn, &row, &groups).await?;
+        run.state.open_slots(run.conn, slots, run.now).await?;
         if self.refill {
             refills::allow(run.conn, row.id, row.groups).await?;
         }
@@ -165,7 +175,9 @@ impl Change for CreateLease {
             design_counters::add_groups(run.conn, self.run.as_str(), added).await?;
         }
         let scenarios = match groups.len() {
-            ..=SMALL_LEASE => Some(ScenarioCache::of_groups(run.conn, &groups).await?),
+            ..=SMALL_LEASE if self.disclosure == Disclosure::Lease => {
+                Some(ScenarioCache::of_groups(run.conn, &groups).await?)
+            }
             _ => None,
         };
         proposal_queue::fill(&mut run, QUEUE_TARGET).await?;
@@ -195,31 +207,45 @@ impl CreateLease {
         Ok(Some(head))
     }
 
-    /// Builds the rows of the groups: a layout where one was chosen, else the next proposal.
+    /// Builds the rows of the groups, and their slots: a layout where one was chosen, else the next proposal.
     async fn group_rows(
         &self,
         run: &mut RunTx<'_>,
+        lease: &LeaseRow,
         head: Vec<QueuedProposal>,
         designed: Vec<Option<ServableLayout>>,
-    ) -> Result<Vec<GroupRow>, ServiceError> {
-        let is_evidence = match self.purpose {
-            Purpose::Train => run.state.settings.evidence_from == EvidenceFrom::Train,
-            Purpose::Probe => true,
-            Purpose::Eval => false,
+    ) -> Result<(Vec<GroupRow>, Vec<Slot>), ServiceError> {
+        let terms = GroupTerms {
+            lease: lease.id,
+            is_evidence: counts_as_evidence(self.purpose, &run.state.settings),
+            is_for_training: self.purpose == Purpose::Train,
+            disclosure: self.disclosure,
         };
-        let (mut head, mut groups) = (head.into_iter(), Vec::new());
+        let (mut head, mut groups, mut slots) = (head.into_iter(), Vec::new(), Vec::new());
         for (number, layout) in (0i64..).zip(designed) {
             groups.push(match layout {
                 Some(layout) => {
                     servable_layouts::add_group(run.conn, layout.id, run.now).await?;
-                    serve::designed_group(run.state, number, layout)
+                    let is_disclosed = self.disclosure == Disclosure::Lease;
+                    GroupRow { is_disclosed, ..serve::designed_group(run.state, number, layout) }
                 }
                 None => {
                     let Some(queued) = head.next() else { continue }; // the head has one proposal for each such group
-                    proposed_group(number, queued, is_evidence, self.purpose == Purpose::Train)?
+                    let ProposedGroup { row, slot } = proposed_group(number, queued, terms)?;
+                    slots.extend(slot);
+                    row
                 }
             });
         }
-        Ok(groups)
+        Ok((groups, slots))
+    }
+}
+
+/// Returns true if results of leases of this purpose are evidence.
+pub(crate) const fn counts_as_evidence(purpose: Purpose, settings: &RunSettings) -> bool {
+    match purpose {
+        Purpose::Train => matches!(settings.evidence_from, EvidenceFrom::Train),
+        Purpose::Probe => true,
+        Purpose::Eval => false,
     }
 }

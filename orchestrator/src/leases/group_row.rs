@@ -2,28 +2,52 @@
 
 use store::from_json;
 use store::groups::GroupRow;
+use store::leases::Disclosure;
 use store::proposals::QueuedProposal;
 
 use crate::engine::error::ServiceError;
 use crate::engine::run_state::group_role;
-use curriculum::Proposal;
+use crate::leases::slots::{is_slot, slot_of};
+use curriculum::{Proposal, Slot};
 
-/// Builds the row of a group that serves a prepared proposal. `is_evidence` says whether the group may count as evidence of mastery,
-/// and `is_for_training` whether the trainer may learn from it.
+/// How the groups of a lease count and are disclosed.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct GroupTerms {
+    /// Number of the lease.
+    pub(crate) lease: i64,
+    /// True if the purpose of the lease counts.
+    pub(crate) is_evidence: bool,
+    /// True if the trainer may learn from the groups.
+    pub(crate) is_for_training: bool,
+    /// When the scenarios are disclosed.
+    pub(crate) disclosure: Disclosure,
+}
+
+/// Row of a group, and its slot if the group is one from the start.
+pub(crate) struct ProposedGroup {
+    pub(crate) row: GroupRow,
+    pub(crate) slot: Option<Slot>,
+}
+
+/// Builds the row of a group that serves a prepared proposal.
 pub(crate) fn proposed_group(
     number: i64,
     queued: QueuedProposal,
-    is_evidence: bool,
-    is_for_training: bool,
-) -> Result<GroupRow, ServiceError> {
+    terms: GroupTerms,
+) -> Result<ProposedGroup, ServiceError> {
     let proposal: Proposal = from_json("a proposal", &queued.body)?;
     let scenario = queued.scenario.unwrap_or_default();
-    Ok(GroupRow {
+    let mut row = GroupRow {
         proposal: Some(queued.seq),
         level: proposal.level.map(i64::from),
         is_contested: queued.is_contested.unwrap_or(false),
-        is_evidence,
-        is_for_training: proposal.train && is_for_training,
-        ..GroupRow::open(number, group_role(proposal.role), proposal.task, scenario)
-    })
+        is_evidence: terms.is_evidence,
+        is_for_training: proposal.train && terms.is_for_training,
+        is_disclosed: terms.disclosure == Disclosure::Lease,
+        ..GroupRow::open(number, group_role(proposal.role), proposal.task.clone(), scenario)
+    };
+    // A group that is disclosed later becomes a slot then.
+    row.is_slot = row.is_disclosed && is_slot(&row, &proposal, queued.attempts == 0);
+    let slot = row.is_slot.then(|| slot_of(terms.lease, queued.seq, 0, &proposal));
+    Ok(ProposedGroup { row, slot })
 }

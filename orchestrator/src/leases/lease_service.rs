@@ -13,6 +13,7 @@ use tokio::sync::watch;
 use crate::engine::error::ServiceError;
 use crate::engine::writer::Writer;
 use crate::evaluations::lease::create_suite_lease;
+use crate::leases::columns::create_column_lease;
 use crate::leases::create::{CreateLease, GrantedLease};
 use crate::leases::eval::create_eval_lease;
 use crate::results::audit::audit;
@@ -69,6 +70,14 @@ impl LeaseService {
         }
         let run = request.run.clone();
         self.when_ready(&run, || self.writer.change(request.clone())).await
+    }
+
+    /// Grants a lease of columns.
+    ///
+    /// # Errors
+    /// Returns an error if the lease may not be granted.
+    pub async fn lease_columns(&self, request: CreateLease) -> Result<GrantedLease, ServiceError> {
+        create_column_lease(&self.writer, &self.replay_pool, request).await
     }
 
     /// Grants a lease of one group to a rollout worker, and returns the run's policy with it. It waits as [`Self::lease`] does.

@@ -2,10 +2,13 @@
 //!
 //! What happens with the results of a lease lives in `results/`. Start reading at [`lease_service`], then [`create`].
 
+pub mod audit_sample;
+pub mod begin;
 pub mod bracket_view;
 pub mod columns;
 pub mod create;
 pub mod end;
+pub mod end_lease;
 pub mod eval;
 pub mod find;
 mod group_row;
@@ -16,3 +19,4 @@ pub mod refill;
 pub mod renew;
 pub mod scenario_cache;
 pub mod seeds;
+pub(crate) mod slots;

@@ -7,7 +7,7 @@ use store::{groups, proposals};
 
 use crate::engine::error::ServiceError;
 use crate::engine::run_tx::RunTx;
-use crate::leases::group_row::proposed_group;
+use crate::leases::group_row::{GroupTerms, ProposedGroup, proposed_group};
 use crate::leases::proposal_queue;
 use crate::leases::proposal_queue::QUEUE_TARGET;
 
@@ -31,10 +31,16 @@ pub(crate) async fn grant_refills(run: &mut RunTx<'_>) -> Result<Vec<GroupRefill
         let Some(lease) = leases::get(run.conn, id).await?.filter(|_| !ready.is_empty()) else { break };
         let seqs: Vec<i64> = ready.iter().map(|queued| queued.seq).collect();
         proposals::set_leased(run.conn, &run.state.run, &seqs).await?;
-        let numbered = (lease.groups..).zip(ready);
-        let rows = numbered.map(|(number, queued)| proposed_group(number, queued, is_evidence, true));
-        let rows = rows.collect::<Result<Vec<_>, _>>()?;
+        let terms =
+            GroupTerms { lease: id, is_evidence, is_for_training: true, disclosure: lease.disclosure };
+        let (mut rows, mut slots) = (Vec::new(), Vec::new());
+        for (number, queued) in (lease.groups..).zip(ready) {
+            let ProposedGroup { row, slot } = proposed_group(number, queued, terms)?;
+            rows.push(row);
+            slots.extend(slot);
+        }
         groups::insert(run.conn, id, &rows).await?;
+        run.state.open_slots(run.conn, slots, run.now).await?;
         refills::add_given(run.conn, PendingRefill { lease: id, groups: rows.len() as i64 }).await?;
         granted
             .push(GroupRefill { lease: lease.name(), groups: rows.iter().map(|row| row.number).collect() });

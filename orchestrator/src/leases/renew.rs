@@ -25,7 +25,8 @@ impl Change for RenewLease {
 
     async fn apply(self, tx: &mut WriteTx) -> Result<LeaseRow, ServiceError> {
         let mut row = find_lease(&mut tx.conn, &self.run, &self.lease).await?;
-        if !row.is_active() || row.expires_at <= tx.now {
+        let clock = tx.run(&row.run).await?.lease_clock();
+        if !row.is_active() || row.expires_at <= clock {
             let status = if row.is_active() { LeaseStatus::Expired } else { row.status };
             return Err(ServiceError::LeaseClosed { lease: self.lease.to_string(), status });
         }
@@ -33,7 +34,7 @@ impl Change for RenewLease {
             // A trainer that knows which groups are audited must not gain time to fly them until they fit its claim.
             return Err(ServiceError::AuditDue(self.lease.to_string()));
         }
-        row.expires_at = tx.now + row.ttl_ms;
+        row.expires_at = clock + row.ttl_ms;
         leases::set_expiry(&mut tx.conn, row.id, row.expires_at).await?;
         tx.emit(&row.run, &RunEvent::lease(&row, LeaseEvent::Renewed))?;
         Ok(row)

@@ -16,8 +16,8 @@ pub struct MasteryGauge {
     pub task: String,
     /// Level of the task; `None` during placement and for strategies without levels.
     pub level: Option<u32>,
-    /// Mean of the posterior over success at the level, from 0 to 1; `None` before there is evidence.
-    pub mastery: Option<f64>,
+    /// Mastery at the level; `None` before there is evidence.
+    pub mastery: Option<Mastery>,
 }
 
 /// Asks for level and mastery of the runs in memory.
@@ -34,7 +34,7 @@ impl StateQuery for MasteryGaugesQuery {
             let mastery = state.curriculum.mastery();
             for status in state.curriculum.status() {
                 let here = |known: &&Mastery| known.task == status.task && known.level == status.level;
-                let mastery = mastery.iter().find(here).map(|known| known.mean);
+                let mastery = mastery.iter().find(here).cloned();
                 let level = status.level.filter(|_| status.placement_done);
                 gauges.push(MasteryGauge { run: state.run.clone(), task: status.task, level, mastery });
             }

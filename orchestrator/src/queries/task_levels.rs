@@ -22,6 +22,8 @@ pub struct TaskLevel {
     pub level: Option<u32>,
     /// Mastery at the level; `None` before there is evidence.
     pub mastery: Option<Mastery>,
+    /// Reason why missing results hold the level back; `None` if they do not.
+    pub held_back: Option<String>,
 }
 
 impl StateQuery for TaskLevelsQuery {
@@ -34,7 +36,7 @@ impl StateQuery for TaskLevelsQuery {
         let level_of = |status: TaskStatus| {
             let here = mastery.iter().find(|known| known.task == status.task && known.level == status.level);
             let level = status.level.filter(|_| status.placement_done);
-            TaskLevel { task: status.task, level, mastery: here.cloned() }
+            TaskLevel { level, mastery: here.cloned(), held_back: status.held_back, task: status.task }
         };
         Ok(state.curriculum.status().into_iter().map(level_of).collect())
     }

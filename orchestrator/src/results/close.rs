@@ -23,6 +23,7 @@ use crate::leases::scenario_cache::ScenarioCache;
 use crate::results::observe::observe;
 use crate::results::report_summary::ReportSummary;
 use crate::results::score_tolerance;
+use crate::results::slot_value::slot_value;
 use crate::{designs, evaluations};
 
 /// Times a scenario is offered at most: a scenario that crashes every trainer must not return for ever.
@@ -124,13 +125,14 @@ impl ClosingGroup<'_> {
         run.emit(&RunEvent::group(lease, group, closed.expired))?;
         self.count_expired_episodes(run).await?;
         let panel = panel_success_rate(run, group, is_enough).await?;
-        if is_enough && group.is_training_or_probe() {
-            add_to_history(run, lease, group, closed, panel);
+        if group.is_training_or_probe() {
+            add_to_history(run, self, panel);
         }
         if let Some(seq) = group.proposal {
             self.observe_proposed_group(run, seq, panel).await
         } else if group.layout.is_some() {
-            designs::outcome::observe_designed_group(run, lease, group, is_enough, closed.expired).await
+            designs::outcome::observe_designed_group(run, lease, group, is_enough).await?;
+            Ok(Vec::new())
         } else {
             evaluations::store_results::store_reported_group(run, lease, group).await?;
             Ok(Vec::new())
@@ -170,22 +172,21 @@ impl ClosingGroup<'_> {
         observe(run, self.outcome(seq, proposal, panel)).await
     }
 
-    /// Returns the outcome that the curriculum observes. Too few finished episodes say nothing about the scenario, so they
-    /// count as none; failed and expired ones are always passed on.
+    /// Returns the outcome that the curriculum observes. Missing episodes are part of its evidence. Too few finished episodes say too
+    /// little about the scenario for strategies that choose the next one.
     fn outcome(self, seq: i64, proposal: Proposal, panel: Option<f64>) -> GroupOutcome {
-        let Self { group, statistics, closed, is_enough, .. } = self;
-        let counted = |count: i64| if is_enough { to_u32(count) } else { 0 };
+        let Self { lease, group, statistics, is_enough, .. } = self;
         GroupOutcome {
             proposal: to_u64(seq),
+            group: if lease.is_columns() { to_u32(group.number) } else { 0 },
             level: proposal.level,
             epoch: proposal.epoch,
             role: proposal.role,
             contested: group.is_contested,
-            finished: counted(group.finished),
-            successes: counted(group.successes),
-            failed: to_u32(group.failed),
-            expired: to_u32(closed.expired),
-            evidence: group.is_evidence,
+            finished: to_u32(group.counted),
+            successes: to_u32(group.counted_successes),
+            evidence: group.is_slot.then(|| slot_value(group, lease.group_size)),
+            usable: group.is_evidence && is_enough && group.counted > 0,
             mean_score: statistics.score.unwrap_or(0.0),
             mean_skill: statistics.skill,
             source: proposal.source,
@@ -201,12 +202,6 @@ impl ClosingGroup<'_> {
     }
 }
 
-/// True if the success of a group counts in the history of contested scenarios. The scenario of a layout is repeated many times:
-/// `designs/` decides about those.
-const fn is_contested_evidence(group: &GroupRow) -> bool {
-    group.is_contested && group.is_evidence && group.finished > 0 && group.layout.is_none()
-}
-
 /// Returns the share of blind plans that succeed on a group's scenario, if the strategy uses it or the history samples it.
 async fn panel_success_rate(
     run: &mut RunTx<'_>,
@@ -214,8 +209,7 @@ async fn panel_success_rate(
     is_enough: bool,
 ) -> Result<Option<f64>, ServiceError> {
     let is_sampled = is_enough
-        && group.is_training_or_probe()
-        && is_contested_evidence(group)
+        && group.is_slot
         && run.outbox.examined_panels(&run.state.run, &group.task) < MAX_EXAMINED_PANELS;
     let is_used = group.proposal.is_some() && run.state.settings.curriculum.uses_panel();
     if !is_sampled && !is_used {
@@ -226,22 +220,17 @@ async fn panel_success_rate(
     Ok(bracket.map(|bracket| admission::panel_success_rate(scenario, bracket)))
 }
 
-/// Adds a closed group to the history of its task.
-fn add_to_history(
-    run: &mut RunTx<'_>,
-    lease: &LeaseRow,
-    group: &GroupRow,
-    closed: &GroupReceipt,
-    panel: Option<f64>,
-) {
+/// Adds a closed group to the history of its task. A missing episode of a slot counts as a failure.
+fn add_to_history(run: &mut RunTx<'_>, closing: ClosingGroup<'_>, panel: Option<f64>) {
+    let ClosingGroup { lease, group, closed, is_enough, .. } = closing;
     let counts = run.task_counts(&group.task);
-    if lease.group_size > 1 {
+    if lease.group_size > 1 && is_enough {
         counts.groups += 1;
         counts.zero_variance_groups += i64::from(closed.zero_variance == Some(true));
     }
-    if is_contested_evidence(group) {
+    if group.is_slot {
         counts.contested_groups += 1;
-        counts.success_rate_sum += group.successes as f64 / group.finished as f64;
+        counts.success_rate_sum += slot_value(group, lease.group_size).low;
         if let Some(share) = panel {
             counts.panel_groups += 1;
             counts.panel_success_rate_sum += share;

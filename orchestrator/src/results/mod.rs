@@ -17,6 +17,8 @@ pub mod report_batch;
 pub mod report_summary;
 pub mod reported;
 mod score_tolerance;
+mod slot_value;
+pub(crate) mod stalled;
 pub mod store_verdict;
 
 pub(crate) use self::score_tolerance::score_tolerance;

@@ -2,34 +2,71 @@
 
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
+use crate::engine::run_state::RunState;
 use crate::engine::run_tx::RunTx;
 use crate::leases::proposal_queue;
-use curriculum::{GroupOutcome, LevelMove};
+use curriculum::{GroupOutcome, LevelMove, Slot, TaskPlan};
 
 /// Passes an outcome to the curriculum, emits its moves and new warnings, and discards the proposals that a move made stale.
 pub(crate) async fn observe(
     run: &mut RunTx<'_>,
     outcome: GroupOutcome,
 ) -> Result<Vec<LevelMove>, ServiceError> {
-    let before = run.state.curriculum.status();
+    let before = TaskMark::of_run(run.state);
     let moves = run.state.observe(run.conn, outcome, run.now).await?;
     for job in run.state.curriculum.take_background_jobs() {
         tokio::task::spawn_blocking(move || job.run());
     }
-    let after = run.state.curriculum.status();
-    for level_move in &moves {
+    after_event(run, &before, &moves).await?;
+    Ok(moves)
+}
+
+/// Drops slots whose groups the server lost before a trainer saw them, with the same effects.
+pub(crate) async fn withdraw(run: &mut RunTx<'_>, slots: Vec<Slot>) -> Result<Vec<LevelMove>, ServiceError> {
+    let before = TaskMark::of_run(run.state);
+    let moves = run.state.withdraw_slots(run.conn, slots, run.now).await?;
+    after_event(run, &before, &moves).await?;
+    Ok(moves)
+}
+
+/// Epoch and number of warnings of a task.
+struct TaskMark {
+    epoch: u32,
+    warnings: usize,
+}
+
+impl TaskMark {
+    /// Marks of the tasks of a run, in the order of its settings.
+    fn of_run(state: &RunState) -> Vec<Self> {
+        let mark = |plan: &TaskPlan| Self {
+            epoch: state.curriculum.epoch(&plan.task),
+            warnings: state.curriculum.warnings(&plan.task).len(),
+        };
+        state.settings.curriculum.tasks.iter().map(mark).collect()
+    }
+}
+
+/// Emits the moves and new warnings of an event, and discards the proposals that a move made stale.
+async fn after_event(
+    run: &mut RunTx<'_>,
+    before: &[TaskMark],
+    moves: &[LevelMove],
+) -> Result<(), ServiceError> {
+    for level_move in moves {
         run.emit(&RunEvent::Move(level_move))?;
     }
-    for status in &after {
+    let mut has_new_epoch = false;
+    let tasks: Vec<String> =
+        run.state.settings.curriculum.tasks.iter().map(|plan| plan.task.clone()).collect();
+    for (task, before) in tasks.iter().zip(before) {
         // The texts of warnings contain counts and change, so that only a growing number of warnings is news.
-        let known =
-            before.iter().find(|known| known.task == status.task).map_or(0, |known| known.warnings.len());
-        for message in status.warnings.iter().skip(known) {
-            run.emit(&RunEvent::Warning { task: Some(&status.task), message })?;
+        for message in run.state.curriculum.warnings(task).iter().skip(before.warnings) {
+            run.emit(&RunEvent::Warning { task: Some(task), message })?;
         }
+        has_new_epoch |= run.state.curriculum.epoch(task) != before.epoch;
     }
-    if !before.iter().map(|status| status.epoch).eq(after.iter().map(|status| status.epoch)) {
+    if has_new_epoch {
         proposal_queue::drop_stale(run).await?;
     }
-    Ok(moves)
+    Ok(())
 }

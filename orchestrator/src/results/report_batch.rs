@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use api_types::{ReceiptStatus, RefusalCode, ResultReceipt};
 use store::critiques::{self, NewCritiqueJob};
 use store::episodes::{self, EpisodeRow, EpisodeState, ReportedResult, StoredLog};
-use store::groups::{self, GroupRow};
+use store::groups::{self, GroupRow, GroupState};
 use store::ids::RunId;
 use store::keys::{EpisodeKey, GroupKey};
 use store::leases::{self, LeaseRow};
@@ -15,12 +15,10 @@ use store::{compacted_leases, runs};
 
 use crate::critiques::criticise::MAX_JOB_EPISODES;
 use crate::engine::error::ServiceError;
-use crate::engine::event::RunEvent;
 use crate::engine::run_tx::RunTx;
 use crate::engine::signals::Signal;
 use crate::engine::write_tx::WriteTx;
 use crate::evaluations::store_results;
-use crate::metrics::LeaseEvent;
 use crate::results::audit_outcome::{AuditOutcome, AuditedEpisode};
 use crate::results::close::update_and_close;
 use crate::results::columns::check::{AuditCheck, check_episode};
@@ -29,6 +27,7 @@ use crate::results::episode_row::{duplicate_receipt, episode_row, result_digest}
 use crate::results::receipt::{refused_receipt, unstored_receipt};
 use crate::results::refusal::Refusal;
 use crate::results::report_summary::ReportSummary;
+use crate::results::stalled::{close_stalled, end_if_done};
 
 /// Rows that the episodes of one report touch.
 #[derive(Default)]
@@ -108,17 +107,12 @@ impl ReportBatch {
             let compacted = compacted_leases::get(&mut tx.conn, &self.run, key.lease).await?;
             return Ok(unstored_receipt(episode, AuditOutcome::of_compacted(compacted.as_ref(), key.number)));
         };
-        let is_late = !lease.is_active() || lease.expires_at <= tx.now;
         let version = policy_version.or(batch_version).map_or(lease.policy_version, i64::from);
-        if version != lease.policy_version
-            && store_results::is_evaluation_episode(tx, &lease, key.number).await?
-        {
-            let detail = format!(
-                "the policy version must be {}, that of the evaluation, got {version}",
-                lease.policy_version
-            );
-            return Ok(refused_receipt(episode, Refusal::new(RefusalCode::VersionMismatch, detail)));
+        if let Some(refusal) = self.refusal(tx, &lease, key.number, version).await? {
+            return Ok(refused_receipt(episode, refusal));
         }
+        let clock = tx.run(&lease.run).await?.lease_clock();
+        let is_late = !lease.is_active() || lease.expires_at <= clock || self.is_closed(&lease, key.number);
         let row = EpisodeRow {
             policy_version: version,
             metrics,
@@ -153,6 +147,27 @@ impl ReportBatch {
         Ok(receipt)
     }
 
+    /// Returns why a result cannot be stored: its scenario is not disclosed, or an evaluation is of another policy version.
+    async fn refusal(
+        &self,
+        tx: &mut WriteTx,
+        lease: &LeaseRow,
+        number: i64,
+        version: i64,
+    ) -> Result<Option<Refusal>, ServiceError> {
+        if self.is_undisclosed(lease, number) {
+            let detail = "its group was not begun; begin the group first".to_owned();
+            return Ok(Some(Refusal::new(RefusalCode::NotBegun, detail)));
+        }
+        let expected = lease.policy_version;
+        if version != expected && store_results::is_evaluation_episode(tx, lease, number).await? {
+            let detail =
+                format!("the policy version must be {expected}, that of the evaluation, got {version}");
+            return Ok(Some(Refusal::new(RefusalCode::VersionMismatch, detail)));
+        }
+        Ok(None)
+    }
+
     /// Keeps a new result until the end of the report. A later report of the same episode is then a duplicate.
     fn keep(&mut self, row: EpisodeRow, outcome: AuditOutcome) {
         let EpisodeRow { lease, number, score, skill, success, .. } = row;
@@ -178,6 +193,22 @@ impl ReportBatch {
     fn accepts(&self, lease: &LeaseRow, number: i64) -> bool {
         let key = group_key(lease, number);
         !lease.is_compacted && (self.unchanged.contains_key(&key) || self.changed.contains_key(&key))
+    }
+
+    /// Returns the group of an episode as it is in this report.
+    fn known_group(&self, lease: &LeaseRow, number: i64) -> Option<&GroupRow> {
+        let key = group_key(lease, number);
+        self.changed.get(&key).or_else(|| self.unchanged.get(&key))
+    }
+
+    /// True if the trainer has not received the scenario of an episode.
+    fn is_undisclosed(&self, lease: &LeaseRow, number: i64) -> bool {
+        self.known_group(lease, number).is_some_and(|group| !group.is_disclosed)
+    }
+
+    /// True if the group of an episode was closed while its lease goes on: later results did not wait for it.
+    fn is_closed(&self, lease: &LeaseRow, number: i64) -> bool {
+        self.known_group(lease, number).is_some_and(|group| group.state != GroupState::Open)
     }
 
     /// Returns the group of an episode, to be changed.
@@ -223,7 +254,10 @@ impl ReportBatch {
             let successes = i64::from(row.success == Some(true));
             group.finished += 1;
             group.successes += successes;
-            group.is_evidence &= !is_stale;
+            if !is_stale {
+                group.counted += 1;
+                group.counted_successes += successes;
+            }
             TaskCounters {
                 episodes: 1,
                 successes,
@@ -233,7 +267,8 @@ impl ReportBatch {
                 ..TaskCounters::default()
             }
         };
-        let (key, is_evidence) = (task_counters::TaskCountersKey::of(group), group.is_evidence);
+        let key = task_counters::TaskCountersKey::of(group);
+        let is_evidence = group.is_evidence && !is_stale;
         // An evaluation changes nothing, its task's counters included.
         if is_counted {
             if row.state == EpisodeState::Finished {
@@ -278,10 +313,9 @@ impl ReportBatch {
             }
         }
         for lease in self.leases.values().filter(|lease| !lease.is_columns()) {
-            if lease.is_active() && leases::end_if_done(&mut tx.conn, lease.id).await? {
-                tx.emit(&lease.run, &RunEvent::lease(lease, LeaseEvent::Done))?;
-            }
+            end_if_done(tx, lease).await?;
         }
+        summary.add(close_stalled(tx, &self.run).await?);
         Ok(summary)
     }
 

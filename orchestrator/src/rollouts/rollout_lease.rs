@@ -1,15 +1,20 @@
 //! Leases of one group that the server's own rollout workers take, and return after an interruption.
 
+use store::groups::{self, GroupState};
 use store::ids::{LeaseId, RunId};
-use store::leases::{self, Purpose};
+use store::leases::{self, Disclosure, LeaseRow, LeaseStatus, Purpose};
 use store::run_policies::{self, RunPolicy, RunPolicyRow};
 use store::to_u32;
 
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
+use crate::engine::event::RunEvent;
 use crate::engine::write_tx::WriteTx;
 use crate::leases::create::{CreateLease, GrantedLease};
-use crate::leases::end::{LeaseEnd, end_lease};
+use crate::leases::end_lease::{LeaseEnd, end_lease, return_unseen};
+use crate::leases::slots::new_slots;
+use crate::metrics::LeaseEvent;
+use crate::results::observe::withdraw;
 
 /// Lifetime of a rollout lease, in seconds. It is renewed while its group is rolled out.
 pub const ROLLOUT_TTL_S: u32 = 600;
@@ -49,6 +54,7 @@ impl Change for LeaseRolloutGroup {
             owner: None,
             refill: false,
             evaluation: None,
+            disclosure: Disclosure::Lease,
         };
         let Some(GrantedLease { row, .. }) = request.apply(tx).await? else { return Ok(None) };
         run_policies::hold_lease(&mut tx.conn, row.id).await?;
@@ -56,7 +62,8 @@ impl Change for LeaseRolloutGroup {
     }
 }
 
-/// Returns a lease of a rollout worker: scenarios of lost groups return to the queue.
+/// Returns a lease of a rollout worker whose policy failed: episodes without a result are missing, and scenarios of lost groups return
+/// to the queue.
 #[derive(Debug)]
 pub struct ReturnRolloutLease(pub LeaseId);
 
@@ -64,7 +71,10 @@ impl Change for ReturnRolloutLease {
     type Output = ();
 
     async fn apply(self, tx: &mut WriteTx) -> Result<(), ServiceError> {
-        return_lease(tx, self.0.number).await.map(|_| ())
+        if let Some(row) = release_held(tx, self.0.number).await? {
+            end_lease(tx, &row, LeaseEnd::Released).await?;
+        }
+        Ok(())
     }
 }
 
@@ -85,12 +95,23 @@ impl Change for ReturnAbandonedLeases {
     }
 }
 
-/// Returns a lease; true if it was still active.
-async fn return_lease(tx: &mut WriteTx, lease: i64) -> Result<bool, ServiceError> {
+/// Forgets that a worker holds a lease, and returns the lease if it is active.
+async fn release_held(tx: &mut WriteTx, lease: i64) -> Result<Option<LeaseRow>, ServiceError> {
     run_policies::release_lease(&mut tx.conn, lease).await?;
-    let row = leases::get(&mut tx.conn, lease).await?.filter(|row| row.is_active());
-    if let Some(row) = &row {
-        end_lease(tx, row, LeaseEnd::Released).await?;
-    }
-    Ok(row.is_some())
+    Ok(leases::get(&mut tx.conn, lease).await?.filter(LeaseRow::is_active))
+}
+
+/// Returns a lease of a worker that a stop of the server interrupted; true if it was still active. No trainer saw its groups, and the
+/// server rolls them out again: their slots are withdrawn, and their scenarios go to the front of the queue.
+async fn return_lease(tx: &mut WriteTx, lease: i64) -> Result<bool, ServiceError> {
+    let Some(row) = release_held(tx, lease).await? else { return Ok(false) };
+    leases::set_status(&mut tx.conn, row.id, LeaseStatus::Released).await?;
+    tx.emit(&row.run, &RunEvent::lease(&row, LeaseEvent::Released))?;
+    let mut groups = groups::of_lease(&mut tx.conn, row.id).await?;
+    groups.retain(|group| group.state == GroupState::Open);
+    let mut run = tx.run(&row.run).await?;
+    let slots = new_slots(&mut run, row.id, &groups).await?.into_iter().map(|of| of.slot).collect();
+    withdraw(&mut run, slots).await?;
+    return_unseen(&mut run, &row, groups).await?;
+    Ok(true)
 }

@@ -39,9 +39,13 @@ impl Change for ChangeRun {
             runs::keep_initial_curriculum(run.conn, id, &to_json(&run.state.settings.curriculum)?).await?;
             run.state.change_settings(settings.curriculum.clone(), run.now)?;
         }
+        let evidence_changed = run.state.settings.has_other_evidence(&settings);
+        if evidence_changed {
+            run.state.restart_evidence(run.now)?;
+        }
         run.state.settings = settings;
         runs::set_settings(run.conn, id, &to_json(&run.state.settings)?, run.now).await?;
-        if curriculum_changed {
+        if curriculum_changed || evidence_changed {
             proposal_queue::rebuild(&mut run).await?;
             run.emit(&RunEvent::Run { state: "changed" })?;
         }

@@ -74,6 +74,7 @@ impl Change for CreateRun {
             policy_version: 0,
             created_at: tx.now,
             archived_at: None,
+            paused_at: None,
             tags: RunTags::default(),
         };
         if let Some(OwnerQuota { token, max }) = self.owner

@@ -1,6 +1,7 @@
 //! Pauses, resumes and archives runs.
 
 use store::ids::RunId;
+use store::leases;
 use store::runs::{self, RunRow, RunStatus};
 
 use crate::engine::change::Change;
@@ -12,9 +13,9 @@ use crate::engine::write_tx::WriteTx;
 /// Change of a run's status.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RunAction {
-    /// Resume the run, if it was paused or archived.
+    /// Resume the run, if it was paused or archived. Its leases get the time that they had left.
     Resume,
-    /// Grant no leases; results of granted leases are still accepted.
+    /// Grant no leases; results of granted leases are still accepted, and their deadlines stand still.
     Pause,
     /// Pause the run and leave it out of lists.
     Archive,
@@ -35,7 +36,15 @@ impl Change for SetRunStatus {
     async fn apply(self, tx: &mut WriteTx) -> Result<RunRow, ServiceError> {
         let id = self.run.as_str();
         let mut run = tx.run(id).await?;
-        run.state.is_paused = self.action != RunAction::Resume;
+        let paused_at = match (self.action, run.state.paused_at) {
+            (RunAction::Resume, Some(paused_at)) => {
+                leases::shift_deadlines(run.conn, id, run.now - paused_at).await?;
+                None
+            }
+            (RunAction::Resume, None) => None,
+            (RunAction::Pause | RunAction::Archive, paused_at) => paused_at.or(Some(run.now)),
+        };
+        run.state.paused_at = paused_at;
         let archived_at = runs::get(run.conn, id).await?.and_then(|row| row.archived_at);
         let (status, archived_at, event) = match self.action {
             RunAction::Resume => (RunStatus::Active, None, "resumed"),
@@ -43,7 +52,7 @@ impl Change for SetRunStatus {
             RunAction::Pause => (RunStatus::Paused, archived_at, "paused"),
             RunAction::Archive => (RunStatus::Paused, archived_at.or(Some(run.now)), "archived"),
         };
-        runs::set_status(run.conn, id, status, archived_at).await?;
+        runs::set_status(run.conn, id, status, archived_at, paused_at).await?;
         let row = runs::get(run.conn, id).await?.ok_or_else(|| ServiceError::UnknownRun(id.to_owned()))?;
         run.outbox.signal(Signal::Prepare);
         run.outbox.signal(Signal::Rollout);

@@ -58,6 +58,16 @@ impl RunSettings {
         }
     }
 
+    /// Returns true if results have another meaning under other settings of the same run: the rule of success, the leases that count
+    /// or the age of results that count differ. Evidence of both must not be mixed.
+    #[must_use]
+    pub fn has_other_evidence(&self, other: &Self) -> bool {
+        self.success != other.success
+            || self.thresholds != other.thresholds
+            || self.evidence_from != other.evidence_from
+            || self.max_staleness != other.max_staleness
+    }
+
     /// Returns the number of finished episodes from which a group of this size counts: the run's own, or half of the size if a
     /// lease overrides the group size.
     #[must_use]

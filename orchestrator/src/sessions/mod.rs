@@ -7,6 +7,7 @@
 //!
 //! The protocols themselves are in `http`, judges are in `judging`. Start reading at [`SessionManager`].
 
+mod abandon;
 mod client;
 mod connection_registry;
 mod judged_score;

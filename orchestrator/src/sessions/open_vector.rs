@@ -143,8 +143,8 @@ impl SessionManager {
 
     /// Starts the reporter of a leased session.
     fn bind_lease(&self, source: &VectorSource, pool: Option<SharedPool>) -> Option<LeaseBinding> {
-        let (VectorSource::Lease { run, .. }, Some(pool)) = (source, pool) else { return None };
-        let reporter = EpisodeReporter::start(&self.leases, run.clone());
+        let (VectorSource::Lease { .. }, Some(pool)) = (source, pool) else { return None };
+        let reporter = EpisodeReporter::start(&self.leases, &pool);
         Some(LeaseBinding { leases: Arc::clone(&self.leases), pool, reporter })
     }
 }

@@ -3,7 +3,7 @@
 use super::*;
 use crate::episodes::EpisodeState;
 use crate::groups::GroupRole;
-use crate::leases::{LeaseForm, LeaseStatus, Purpose};
+use crate::leases::{Disclosure, LeaseForm, LeaseStatus, Purpose};
 
 fn lease(id: i64, numbers: &[i64]) -> CompactedLease {
     let row = LeaseRow {
@@ -19,6 +19,8 @@ fn lease(id: i64, numbers: &[i64]) -> CompactedLease {
         ttl_ms: 1000,
         created_at: 5,
         expires_at: 6,
+        first_expires_at: 0,
+        disclosure: Disclosure::Lease,
         is_compacted: true,
         owner: None,
     };

@@ -15,6 +15,7 @@ mod db_command;
 mod design;
 mod docking;
 mod documents;
+mod evidence;
 mod failures;
 mod faults;
 mod feed;

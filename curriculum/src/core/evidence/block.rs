@@ -1,6 +1,7 @@
-//! Blocks of contested outcomes: the evidence that a level move rests on.
+//! Blocks of settled slots: the evidence that a level move rests on.
 //!
-//! One contested scenario is one observation. A rule that looks at a sliding window after every observation is a
+//! One contested scenario is one observation, an interval of success rates. A block moves a level up only if its worst
+//! case allows it, and down only if its best case does (intention to treat, with the bounds of Manski 1989). A rule that looks at a sliding window after every observation is a
 //! sequential test without a correction, and promotes almost every learner in time (optional stopping: Armitage,
 //! McPherson and Rowe 1969). Observations are therefore gathered into disjoint blocks, and the rule looks only when a
 //! block is full.
@@ -9,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::level_move::BlockSummary;
 use super::posterior::Posterior;
-use crate::core::outcome::GroupOutcome;
+use super::slot_queue::SettledSlot;
 use crate::core::settings::Target;
 
 /// Number of scenarios in a full block.
@@ -22,89 +23,63 @@ pub(crate) const OUT_OF_REACH_Q90: f64 = 0.30;
 pub(crate) const HALF_UP_MEAN: f64 = 0.7;
 /// Mean of a block below which `target: half` moves down.
 pub(crate) const HALF_DOWN_MEAN: f64 = 0.3;
-/// Largest share of a block's episodes that may be lost. A block above it is discarded: a trainer that loses the
-/// episodes it would have failed must not look good.
-const MAX_LOST_SHARE: f64 = 0.10;
-/// Number of lost episodes from which a filling block that would be discarded causes a warning.
-const MIN_LOST_FOR_WARNING: u32 = 8;
+/// Share of missing outcomes above which a task causes a warning.
+pub(crate) const MISSING_WARNING_SHARE: f64 = 0.10;
+/// Number of slots from which missing outcomes cause a warning.
+pub(crate) const MIN_SLOTS_FOR_WARNING: u32 = 8;
 
-/// Observations gathered so far, with the episodes behind them.
+/// Settled slots of one level, up to the size of a block.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct EvidenceBlock {
-    /// Number of scenarios with a success rate.
+    /// Number of slots.
     pub(crate) n: u32,
-    /// Sum of their success rates.
-    pub(crate) sum: f64,
-    /// Number of episodes that finished.
-    pub(crate) finished: u32,
-    /// Number of episodes that failed or expired, those of scenarios without a success rate included.
-    pub(crate) lost: u32,
+    /// Sum of the low ends of their intervals.
+    pub(crate) low: f64,
+    /// Sum of the high ends of their intervals.
+    pub(crate) high: f64,
     /// Seq of the earliest proposal in the block; `None` while the block is empty.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) first: Option<u64>,
 }
 
 impl EvidenceBlock {
-    /// Records a contested outcome. Returns the block once it holds `size` observations, and starts a new one; a full
-    /// block that lost too many episodes is counted in `discarded` instead.
-    pub(crate) fn record_until_full(
-        &mut self,
-        outcome: &GroupOutcome,
-        size: u32,
-        discarded: &mut DiscardedBlocks,
-    ) -> Option<Self> {
-        self.record(outcome);
-        if self.n < size {
-            return None;
-        }
-        let full = std::mem::take(self);
-        if full.is_lossy() {
-            discarded.add(&full);
-            return None;
-        }
-        Some(full)
+    /// Adds a settled slot. Returns the block once it has `size` slots, and starts a new one.
+    pub(crate) fn record_until_full(&mut self, slot: SettledSlot, size: u32) -> Option<Self> {
+        self.n += 1;
+        self.low += slot.value.low;
+        self.high += slot.value.high;
+        self.first = Some(self.first.map_or(slot.proposal, |first| first.min(slot.proposal)));
+        (self.n >= size).then(|| std::mem::take(self))
     }
 
-    /// Records a contested outcome. A group that was lost as a whole is no observation, but its episodes count as
-    /// lost.
-    fn record(&mut self, outcome: &GroupOutcome) {
-        self.finished = self.finished.saturating_add(outcome.finished);
-        self.lost = self.lost.saturating_add(outcome.lost_episodes());
-        if self.n == 0 || self.first.is_some() {
-            self.first = Some(self.first.map_or(outcome.proposal, |first| first.min(outcome.proposal)));
-        }
-        if let Some(success_rate) = outcome.success_rate() {
-            self.n += 1;
-            self.sum += success_rate;
-        }
+    /// Mean success rate if every missing episode failed; 0 while the block is empty.
+    pub(crate) fn mean_low(&self) -> f64 {
+        if self.n == 0 { 0.0 } else { self.low / f64::from(self.n) }
     }
 
-    /// True if too many episodes were lost for the block to count.
-    fn is_lossy(&self) -> bool {
-        f64::from(self.lost) > MAX_LOST_SHARE * (f64::from(self.finished) + f64::from(self.lost))
+    /// Mean success rate if every missing episode succeeded; 1 while the block is empty.
+    pub(crate) fn mean_high(&self) -> f64 {
+        if self.n == 0 { 1.0 } else { self.high / f64::from(self.n) }
     }
 
-    /// Seq of the earliest proposal that the block can rest on; `None` while the block is empty, 0 if it is unknown.
-    pub(crate) fn earliest_proposal(&self) -> Option<u64> {
-        let has_begun = self.n > 0 || self.lost > 0;
-        has_begun.then(|| self.first.unwrap_or(0))
+    /// Number of missing outcomes; a group of which a part is missing counts as that part.
+    pub(crate) fn missing(&self) -> f64 {
+        self.high - self.low
     }
 
-    /// Mean success rate; 0 while the block is empty.
-    pub(crate) fn mean(&self) -> f64 {
-        if self.n == 0 { 0.0 } else { self.sum / f64::from(self.n) }
+    /// Share of the outcomes that are missing; 0 while the block is empty.
+    pub(crate) fn missing_share(&self) -> f64 {
+        if self.n == 0 { 0.0 } else { self.missing() / f64::from(self.n) }
     }
 
-    const fn posterior(&self) -> Posterior {
-        Posterior { n: self.n, sum: self.sum }
-    }
-
+    /// 10 % quantile of the posterior in the worst case.
     pub(crate) fn q10(&self) -> f64 {
-        self.posterior().quantile(0.10)
+        Posterior { n: self.n, sum: self.low }.quantile(0.10)
     }
 
+    /// 90 % quantile of the posterior in the best case.
     pub(crate) fn q90(&self) -> f64 {
-        self.posterior().quantile(0.90)
+        Posterior { n: self.n, sum: self.high }.quantile(0.90)
     }
 
     fn is_mastered(&self) -> bool {
@@ -115,18 +90,51 @@ impl EvidenceBlock {
         self.q90() <= OUT_OF_REACH_Q90
     }
 
+    /// The same block if every missing episode had succeeded.
+    fn best_case(&self) -> Self {
+        Self { low: self.high, ..*self }
+    }
+
     pub(crate) fn summary(&self) -> BlockSummary {
         BlockSummary {
             n: self.n,
-            sum: self.sum,
-            mean: self.mean(),
+            low: self.low,
+            high: self.high,
+            mean: self.mean_low(),
             q10: self.q10(),
             q90: self.q90(),
-            finished: self.finished,
-            lost: self.lost,
+            missing: self.missing_share(),
             first: self.first,
         }
     }
+}
+
+/// Sentence that says how missing outcomes hold a promotion back, if they do: the full block does not call for it, and
+/// would call for it if the missing episodes had succeeded.
+pub(crate) fn promotion_hold(target: Target, full: &EvidenceBlock) -> Option<String> {
+    let (is_held, worst, needed) = match target {
+        Target::Mastery => {
+            let is_held = !full.is_mastered() && full.best_case().is_mastered();
+            (is_held, format!("the worst case has a 10 % quantile of {:.2}", full.q10()), MASTERED_Q10)
+        }
+        Target::Half => {
+            let is_held = full.mean_low() <= HALF_UP_MEAN && full.mean_high() > HALF_UP_MEAN;
+            (is_held, format!("the worst case has a mean of {:.2}", full.mean_low()), HALF_UP_MEAN)
+        }
+    };
+    let missing = format_count(full.missing());
+    is_held.then(|| {
+        format!(
+            "{missing} of {} outcomes of the last block are missing: {worst}, {needed:.2} is needed",
+            full.n
+        )
+    })
+}
+
+/// A count with at most one decimal: "7", "7.5".
+pub(crate) fn format_count(count: f64) -> String {
+    let rounded = (10.0 * count).round() / 10.0;
+    if rounded.fract() == 0.0 { format!("{rounded:.0}") } else { format!("{rounded:.1}") }
 }
 
 /// Level change that full blocks call for.
@@ -144,8 +152,8 @@ pub(crate) fn judge_blocks(
     full: &EvidenceBlock,
 ) -> BlockVerdict {
     match target {
-        Target::Half if full.mean() > HALF_UP_MEAN => BlockVerdict::Up,
-        Target::Half if full.mean() < HALF_DOWN_MEAN => BlockVerdict::Down,
+        Target::Half if full.mean_low() > HALF_UP_MEAN => BlockVerdict::Up,
+        Target::Half if full.mean_high() < HALF_DOWN_MEAN => BlockVerdict::Down,
         Target::Half => BlockVerdict::Stay,
         Target::Mastery => match previous {
             Some(previous) if previous.is_mastered() && full.is_mastered() => BlockVerdict::Up,
@@ -155,55 +163,12 @@ pub(crate) fn judge_blocks(
     }
 }
 
-/// Full blocks that were discarded since the last move, with the episode counts of the latest one.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct DiscardedBlocks {
-    pub(crate) count: u32,
-    finished: u32,
-    lost: u32,
-}
-
-impl DiscardedBlocks {
-    fn add(&mut self, block: &EvidenceBlock) {
-        *self = Self { count: self.count.saturating_add(1), finished: block.finished, lost: block.lost };
-    }
-}
-
-/// Warns about lost episodes: in the blocks discarded for them, and in the block that is filling. `noun` names a
-/// block ("block", "probe"); `scope` is appended to it (" at this level").
-pub(crate) fn loss_warnings(
-    noun: &str,
-    scope: &str,
-    discarded: &DiscardedBlocks,
-    filling: &EvidenceBlock,
-) -> Vec<String> {
-    let mut warnings = Vec::new();
-    if discarded.count > 0 {
-        let (plural, were) = if discarded.count == 1 { ("", "was") } else { ("s", "were") };
-        warnings.push(format!(
-            "{} {noun}{plural}{scope} {were} discarded, because more than 10 % of the episodes failed or \
-             expired ({} of {} the last time); nothing moves on such evidence",
-            discarded.count,
-            discarded.lost,
-            u64::from(discarded.lost) + u64::from(discarded.finished),
-        ));
-    }
-    if filling.lost >= MIN_LOST_FOR_WARNING && filling.is_lossy() {
-        warnings.push(format!(
-            "{} of the {} episodes in the current {noun} failed or expired; above 10 % it will not count",
-            filling.lost,
-            u64::from(filling.lost) + u64::from(filling.finished),
-        ));
-    }
-    warnings
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn full_block(sum: f64) -> EvidenceBlock {
-        EvidenceBlock { n: BLOCK_SIZE, sum, finished: BLOCK_SIZE, lost: 0, first: Some(0) }
+        EvidenceBlock { n: BLOCK_SIZE, low: sum, high: sum, first: Some(0) }
     }
 
     #[test]
@@ -240,9 +205,32 @@ mod tests {
     }
 
     #[test]
-    fn block_is_lossy_above_a_tenth_of_lost_episodes() {
-        assert!(!EvidenceBlock { finished: 90, lost: 10, ..EvidenceBlock::default() }.is_lossy());
-        assert!(EvidenceBlock { finished: 89, lost: 10, ..EvidenceBlock::default() }.is_lossy());
-        assert!(!EvidenceBlock::default().is_lossy());
+    fn moves_up_use_the_worst_case_and_moves_down_the_best() {
+        let block = |low: f64, high: f64| EvidenceBlock { high, ..full_block(low) };
+        let verdict = |target, block: EvidenceBlock| judge_blocks(target, Some(&block), &block);
+        assert_eq!(verdict(Target::Mastery, block(26.0, 32.0)), BlockVerdict::Up);
+        assert_eq!(verdict(Target::Mastery, block(25.0, 32.0)), BlockVerdict::Stay);
+        assert_eq!(verdict(Target::Mastery, block(0.0, 6.0)), BlockVerdict::Down);
+        assert_eq!(verdict(Target::Mastery, block(0.0, 7.0)), BlockVerdict::Stay);
+        assert_eq!(verdict(Target::Half, block(22.0, 32.0)), BlockVerdict::Stay);
+        assert_eq!(verdict(Target::Half, block(0.0, 10.0)), BlockVerdict::Stay);
+    }
+
+    #[test]
+    fn hold_names_the_missing_outcomes_and_the_worst_case() {
+        let block = EvidenceBlock { high: 30.0, ..full_block(23.0) };
+        let hold = promotion_hold(Target::Mastery, &block).unwrap();
+        assert_eq!(
+            hold,
+            "7 of 32 outcomes of the last block are missing: the worst case has a 10 % quantile of 0.60, 0.70 is needed"
+        );
+        assert!(
+            promotion_hold(Target::Half, &EvidenceBlock { low: 20.0, ..block })
+                .unwrap()
+                .contains("mean of 0.62")
+        );
+        // Neither a promotion nor a block that fails even in the best case is held back.
+        assert_eq!(promotion_hold(Target::Mastery, &full_block(26.0)), None);
+        assert_eq!(promotion_hold(Target::Mastery, &EvidenceBlock { high: 20.0, ..full_block(10.0) }), None);
     }
 }

@@ -50,23 +50,23 @@ impl MoveEvidence {
     }
 }
 
-/// Summary of a full block of contested scenarios.
+/// Summary of a full block of slots.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct BlockSummary {
-    /// Number of contested scenarios.
+    /// Number of slots.
     pub n: u32,
-    /// Sum of their success rates.
-    pub sum: f64,
-    /// Mean of their success rates.
+    /// Sum of their success rates, missing episodes counted as failures.
+    pub low: f64,
+    /// Sum of their success rates, missing episodes counted as successes.
+    pub high: f64,
+    /// Mean success rate, low / n.
     pub mean: f64,
-    /// 10 % quantile of Beta(1 + sum, 1 + n − sum).
+    /// 10 % quantile of Beta(1 + low, 1 + n − low).
     pub q10: f64,
-    /// 90 % quantile of the same distribution.
+    /// 90 % quantile of Beta(1 + high, 1 + n − high).
     pub q90: f64,
-    /// Number of episodes that finished.
-    pub finished: u32,
-    /// Number of episodes that failed or expired.
-    pub lost: u32,
+    /// Share of the outcomes that are missing, (high − low) / n.
+    pub missing: f64,
     /// Seq of the block's earliest proposal; `None` if the block is empty.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub first: Option<u64>,
@@ -77,11 +77,13 @@ pub struct BlockSummary {
 pub struct ProbeSummary {
     /// Level that was probed.
     pub level: u32,
-    /// Number of contested scenarios.
+    /// Number of slots.
     pub n: u32,
-    /// Sum of their success rates.
-    pub sum: f64,
-    /// Mean of their success rates.
+    /// Sum of their success rates, missing episodes counted as failures.
+    pub low: f64,
+    /// Sum of their success rates, missing episodes counted as successes.
+    pub high: f64,
+    /// Mean success rate, low / n.
     pub mean: f64,
     /// True if the level passed.
     pub passed: bool,

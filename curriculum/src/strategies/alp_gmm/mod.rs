@@ -78,7 +78,7 @@ impl Strategy for AlpGmm {
 
     fn observe(&mut self, outcome: &GroupOutcome, ctx: &StrategyContext<'_>) -> Vec<LevelMove> {
         let plan = ctx.settings.task(&outcome.task);
-        if let (Some(plan), Some(reward), true) = (plan, outcome.success_rate(), outcome.evidence) {
+        if let (Some(plan), Some(reward), true) = (plan, outcome.success_rate(), outcome.usable) {
             let fractions = LevelScale::new(plan).fractions(&outcome.params);
             let progress = self.tasks.entry(outcome.task.clone()).or_default();
             progress.observe(ctx, &fractions, reward);

@@ -4,8 +4,9 @@ use super::level_stage::LevelStage;
 use super::placement::{PASS_MEAN, PROBE_SIZE, Placement};
 use super::{Ladder, REHEARSED_LEVELS, TaskProgress, TaskStage};
 use crate::core::evidence::block::{
-    BLOCK_SIZE, EvidenceBlock, HALF_DOWN_MEAN, HALF_UP_MEAN, MASTERED_Q10, OUT_OF_REACH_Q90, loss_warnings,
+    BLOCK_SIZE, EvidenceBlock, HALF_DOWN_MEAN, HALF_UP_MEAN, MASTERED_Q10, OUT_OF_REACH_Q90, promotion_hold,
 };
+use crate::core::evidence::slot_queue::SlotQueue;
 use crate::core::explanation::{BlockProgress, Explanation, MoveThresholds, TaskExplanation, TaskStatus};
 use crate::core::settings::{Settings, Target, TaskPlan};
 use crate::core::shares;
@@ -20,25 +21,26 @@ pub(super) fn task_status(progress: &TaskProgress, plan: &TaskPlan, target: Targ
             placement_done: false,
             probe_level: Some(placement.level()),
             params: plan.params(Some(placement.level())),
-            block: Some(block_progress(&placement.filling, PROBE_SIZE)),
+            block: Some(block_progress(&placement.filling, &placement.queue, PROBE_SIZE)),
             blocks: u32::try_from(placement.probes.len()).unwrap_or(u32::MAX),
-            discarded: placement.discarded.count,
-            warnings: loss_warnings("probe", " at this level", &placement.discarded, &placement.filling),
+            held_back: waiting_hold(&placement.queue, PROBE_SIZE),
             move_conditions: Some(probe_thresholds(placement)),
             earliest_proposal: placement.earliest_proposal(),
             ..common
         },
         TaskStage::Level(stage) => {
-            let blocks = stage.last.iter().chain([&stage.filling]);
+            let blocks = stage.last.iter().chain([&stage.filling]).filter_map(|block| block.first);
+            let is_hardest = stage.level == plan.hardest_level();
+            let missing_hold = || stage.last.as_ref().and_then(|last| promotion_hold(target, last));
+            let held_back = waiting_hold(&stage.queue, BLOCK_SIZE).or_else(missing_hold);
             TaskStatus {
                 level: Some(stage.level),
                 params: plan.params(Some(stage.level)),
-                block: Some(block_progress(&stage.filling, BLOCK_SIZE)),
+                block: Some(block_progress(&stage.filling, &stage.queue, BLOCK_SIZE)),
                 blocks: stage.blocks,
-                discarded: stage.discarded.count,
-                warnings: loss_warnings("block", " at this level", &stage.discarded, &stage.filling),
+                held_back: held_back.filter(|_| !is_hardest),
                 move_conditions: Some(level_thresholds(stage, plan.hardest_level(), target)),
-                earliest_proposal: blocks.filter_map(EvidenceBlock::earliest_proposal).min(),
+                earliest_proposal: blocks.chain(stage.queue.earliest_proposal()).min(),
                 ..common
             }
         }
@@ -73,9 +75,29 @@ pub(super) fn explain(ladder: &Ladder, settings: &Settings) -> Explanation {
     }
 }
 
-fn block_progress(filling: &EvidenceBlock, size: u32) -> BlockProgress {
-    let mean = (filling.n > 0).then(|| filling.mean());
-    BlockProgress { n: filling.n, size, sum: filling.sum, mean, lost: filling.lost }
+fn block_progress(filling: &EvidenceBlock, queue: &SlotQueue, size: u32) -> BlockProgress {
+    let is_empty = filling.n == 0;
+    BlockProgress {
+        n: filling.n,
+        size,
+        low: filling.low,
+        high: filling.high,
+        mean: (!is_empty).then(|| filling.mean_low()),
+        missing: (!is_empty).then(|| filling.missing_share()),
+        open: queue.open_count(),
+        waiting: queue.waiting_count(),
+    }
+}
+
+/// Sentence that says that a block's worth of results waits for earlier slots.
+fn waiting_hold(queue: &SlotQueue, size: u32) -> Option<String> {
+    let (open, waiting) = (queue.open_count(), queue.waiting_count());
+    (waiting >= size).then(|| {
+        format!(
+            "{waiting} results wait for {open} leased scenarios without a result: results count in the order \
+             of the leases"
+        )
+    })
 }
 
 fn probe_thresholds(placement: &Placement) -> MoveThresholds {
@@ -119,7 +141,9 @@ fn rules(settings: &Settings) -> Vec<String> {
     let percent = |share: f64| format!("{:.0} %", 100.0 * share);
     let mut rules = vec![
         "Tasks share the proposals by weight, each at least 5 %.".to_owned(),
-        "One contested scenario is one observation: the share of its episodes that succeeded.".to_owned(),
+        "One contested scenario is one observation: the share of its episodes that succeeded. A missing \
+         episode counts as a failure for moves up, and as a success for moves down."
+            .to_owned(),
     ];
     if settings.placement {
         rules.push(format!(
@@ -144,9 +168,7 @@ fn rules(settings: &Settings) -> Vec<String> {
         ),
     });
     rules.push(
-        "Failed and expired episodes never count as a low score; a block that loses more than 10 % of its \
-         episodes does not count."
-            .to_owned(),
+        "Scenarios count in the order in which they were leased, and only by the first attempt.".to_owned(),
     );
     rules
 }

@@ -1,25 +1,26 @@
-//! The stage after placement: blocks of outcomes at the current level, and the moves that they cause.
+//! The stage after placement: blocks of slots at the current level, and the moves that they cause.
 
 use serde::{Deserialize, Serialize};
 
 use crate::core::evidence::block::{
-    BLOCK_SIZE, BlockVerdict, DiscardedBlocks, EvidenceBlock, HALF_DOWN_MEAN, HALF_UP_MEAN, MASTERED_Q10,
-    OUT_OF_REACH_Q90, judge_blocks,
+    BLOCK_SIZE, BlockVerdict, EvidenceBlock, HALF_DOWN_MEAN, HALF_UP_MEAN, MASTERED_Q10, OUT_OF_REACH_Q90,
+    judge_blocks,
 };
 use crate::core::evidence::level_move::{MoveEvidence, MoveKind};
-use crate::core::outcome::GroupOutcome;
+use crate::core::evidence::slot_queue::SlotQueue;
 use crate::core::settings::Target;
 
 /// Current level of a task and its blocks since the last move.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct LevelStage {
     pub(super) level: u32,
+    /// Slots of the current level that are not settled.
+    pub(super) queue: SlotQueue,
     pub(super) filling: EvidenceBlock,
-    /// Latest full block that counted.
+    /// Latest full block.
     pub(super) last: Option<EvidenceBlock>,
-    /// Number of full blocks that counted.
+    /// Number of full blocks.
     pub(super) blocks: u32,
-    pub(super) discarded: DiscardedBlocks,
 }
 
 /// Step to a neighbouring level, with its evidence.
@@ -29,15 +30,21 @@ pub(super) struct LevelStep {
 }
 
 impl LevelStage {
-    /// Records a contested outcome of the current level and returns the step it causes. At the ends of the table the
-    /// blocks simply continue.
-    pub(super) fn observe(
-        &mut self,
-        outcome: &GroupOutcome,
-        target: Target,
-        hardest_level: u32,
-    ) -> Option<LevelStep> {
-        let full = self.filling.record_until_full(outcome, BLOCK_SIZE, &mut self.discarded)?;
+    /// Moves settled slots into blocks, up to the step that they cause. At the ends of the table the blocks simply
+    /// continue.
+    pub(super) fn settle(&mut self, target: Target, hardest_level: u32) -> Option<LevelStep> {
+        while let Some(settled) = self.queue.next_settled() {
+            if let Some(full) = self.filling.record_until_full(settled, BLOCK_SIZE)
+                && let Some(step) = self.judge(full, target, hardest_level)
+            {
+                return Some(step);
+            }
+        }
+        None
+    }
+
+    /// Judges a full block and returns the step it causes.
+    fn judge(&mut self, full: EvidenceBlock, target: Target, hardest_level: u32) -> Option<LevelStep> {
         self.blocks = self.blocks.saturating_add(1);
         let previous = self.last.replace(full);
         let kind = match judge_blocks(target, previous.as_ref(), &full) {
@@ -69,24 +76,25 @@ fn move_evidence(kind: MoveKind, target: Target, blocks: &[EvidenceBlock]) -> Mo
     let list = |value: fn(&EvidenceBlock) -> f64| {
         blocks.iter().map(|block| format!("{:.2}", value(block))).collect::<Vec<_>>().join(" and ")
     };
-    let sums = list(|block| block.sum);
+    let lows = list(|block| block.low);
+    let highs = list(|block| block.high);
     let sentence = match (target, kind) {
         (Target::Mastery, MoveKind::Down) => format!(
-            "{sums} of {BLOCK_SIZE} contested scenarios in two consecutive blocks: 90 % quantiles {} are at \
+            "{highs} of {BLOCK_SIZE} contested scenarios in two consecutive blocks: 90 % quantiles {} are at \
              most {OUT_OF_REACH_Q90:.2}",
             list(EvidenceBlock::q90)
         ),
         (Target::Mastery, _) => format!(
-            "{sums} of {BLOCK_SIZE} contested scenarios in two consecutive blocks: 10 % quantiles {} are at \
+            "{lows} of {BLOCK_SIZE} contested scenarios in two consecutive blocks: 10 % quantiles {} are at \
              least {MASTERED_Q10:.2}",
             list(EvidenceBlock::q10)
         ),
         (Target::Half, MoveKind::Down) => format!(
-            "{sums} of {BLOCK_SIZE} contested scenarios: the mean is below {HALF_DOWN_MEAN}; no claim of \
+            "{highs} of {BLOCK_SIZE} contested scenarios: the mean is below {HALF_DOWN_MEAN}; no claim of \
              mastery"
         ),
         (Target::Half, _) => format!(
-            "{sums} of {BLOCK_SIZE} contested scenarios: the mean is above {HALF_UP_MEAN}; no claim of mastery"
+            "{lows} of {BLOCK_SIZE} contested scenarios: the mean is above {HALF_UP_MEAN}; no claim of mastery"
         ),
     };
     MoveEvidence { sentence, blocks: blocks.iter().map(EvidenceBlock::summary).collect(), probes: Vec::new() }

@@ -17,11 +17,13 @@ use serde::{Deserialize, Serialize};
 use self::level_stage::LevelStage;
 use self::placement::{PROBE_SIZE, Placement, PlacementStep};
 use crate::core::evidence::level_move::{LevelMove, MoveKind};
+use crate::core::evidence::slot_queue::SlotQueue;
 use crate::core::explanation::{Explanation, TaskStatus};
 use crate::core::outcome::GroupOutcome;
 use crate::core::proposal::{Proposal, ProposalRole};
 use crate::core::settings::{Settings, Target, TaskPlan};
 use crate::core::shares;
+use crate::core::slot::Slot;
 use crate::core::strategy::{Strategy, StrategyContext, StrategyState};
 
 /// Number of levels below the current one that are rehearsed.
@@ -81,16 +83,27 @@ impl Strategy for Ladder {
         Proposal { epoch, contested, why, ..Proposal::fresh(plan, Some(level), role) }
     }
 
-    fn observe(&mut self, outcome: &GroupOutcome, ctx: &StrategyContext<'_>) -> Vec<LevelMove> {
-        let task = &outcome.task;
-        let (Some(plan), Some(progress)) = (ctx.settings.task(task), self.tasks.get_mut(task)) else {
-            return Vec::new();
-        };
-        // Uncontested outcomes say little, and outcomes of an earlier epoch belong to another level.
-        if !(outcome.evidence && outcome.contested && outcome.epoch == progress.epoch) {
-            return Vec::new();
+    fn open_slot(&mut self, slot: &Slot, _ctx: &StrategyContext<'_>) {
+        // A slot of an earlier epoch belongs to another level.
+        if let Some(progress) = self.tasks.get_mut(&slot.task).filter(|progress| progress.epoch == slot.epoch)
+        {
+            progress.open_slot(slot);
         }
-        progress.observe(outcome, plan, ctx.settings.target).into_iter().collect()
+    }
+
+    fn withdraw_slot(&mut self, slot: &Slot, ctx: &StrategyContext<'_>) -> Vec<LevelMove> {
+        self.end_slot(&slot.task, ctx, |queue| queue.withdraw(slot.key()))
+    }
+
+    fn observe(&mut self, outcome: &GroupOutcome, ctx: &StrategyContext<'_>) -> Vec<LevelMove> {
+        let Some(value) = outcome.evidence else { return Vec::new() };
+        self.end_slot(&outcome.task, ctx, |queue| queue.resolve(outcome.slot_key(), value))
+    }
+
+    fn close_epoch(&mut self, task: &str, ctx: &StrategyContext<'_>) {
+        if let (Some(plan), Some(progress)) = (ctx.settings.task(task), self.tasks.get_mut(task)) {
+            progress.close_epoch(plan);
+        }
     }
 
     fn change_settings(&mut self, restarted: &[&str], ctx: &StrategyContext<'_>) {
@@ -115,7 +128,7 @@ impl Strategy for Ladder {
 }
 
 impl StrategyState for Ladder {
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
 
     fn new(settings: &Settings) -> Self {
         let start = |plan: &TaskPlan| (plan.task.clone(), TaskProgress::new(settings, plan));
@@ -151,35 +164,80 @@ impl TaskProgress {
         Self { epoch: 0, stage, last_move: None }
     }
 
-    /// Records contested evidence of this epoch and returns the move it causes.
-    fn observe(&mut self, outcome: &GroupOutcome, plan: &TaskPlan, target: Target) -> Option<LevelMove> {
-        let (kind, from, to, evidence) = match (&mut self.stage, outcome.role) {
+    /// Adds a slot of this epoch to the probe or block that it counts for, if there is one.
+    fn open_slot(&mut self, slot: &Slot) {
+        match (&mut self.stage, slot.role) {
             (TaskStage::Placement(placement), ProposalRole::Placement)
-                if outcome.level == Some(placement.level()) =>
+                if slot.level == Some(placement.level()) =>
             {
-                match placement.observe(outcome) {
-                    PlacementStep::SameLevel => return None,
-                    PlacementStep::NextLevel => {
-                        self.epoch += 1;
-                        return None;
-                    }
-                    PlacementStep::Placed(level) => {
-                        (MoveKind::Placement, None, level, placement.evidence(level))
-                    }
-                }
+                placement.queue.open(slot);
             }
-            (TaskStage::Level(stage), ProposalRole::Frontier) if outcome.level == Some(stage.level) => {
+            (TaskStage::Level(stage), ProposalRole::Frontier) if slot.level == Some(stage.level) => {
+                stage.queue.open(slot);
+            }
+            _ => {}
+        }
+    }
+
+    /// Slots that count for the current probe or block.
+    const fn queue(&mut self) -> &mut SlotQueue {
+        match &mut self.stage {
+            TaskStage::Placement(placement) => &mut placement.queue,
+            TaskStage::Level(stage) => &mut stage.queue,
+        }
+    }
+
+    /// Drops the evidence that has not moved the level. The level stays; a placement starts again.
+    fn close_epoch(&mut self, plan: &TaskPlan) {
+        self.epoch += 1;
+        self.stage = match &self.stage {
+            TaskStage::Placement(_) => TaskStage::Placement(Placement::new(plan.hardest_level())),
+            TaskStage::Level(stage) => {
+                TaskStage::Level(LevelStage { level: stage.level, ..LevelStage::default() })
+            }
+        };
+    }
+
+    /// Takes settled slots into account and returns the move they cause.
+    fn settle(&mut self, plan: &TaskPlan, target: Target) -> Option<LevelMove> {
+        let (kind, from, to, evidence) = match &mut self.stage {
+            TaskStage::Placement(placement) => match placement.settle() {
+                PlacementStep::SameLevel => return None,
+                PlacementStep::NextLevel => {
+                    self.epoch += 1;
+                    return None;
+                }
+                PlacementStep::Placed(level) => (MoveKind::Placement, None, level, placement.evidence(level)),
+            },
+            TaskStage::Level(stage) => {
                 let from = stage.level;
-                let step = stage.observe(outcome, target, plan.hardest_level())?;
+                let step = stage.settle(target, plan.hardest_level())?;
                 let to = if step.kind == MoveKind::Up { from + 1 } else { from - 1 };
                 (step.kind, Some(from), to, step.evidence)
             }
-            _ => return None,
         };
         self.epoch += 1;
         self.stage = TaskStage::Level(LevelStage { level: to, ..LevelStage::default() });
         let made = LevelMove { task: plan.task.clone(), kind, from, to, evidence };
         self.last_move = Some(made.clone());
         Some(made)
+    }
+}
+
+impl Ladder {
+    /// Ends a slot by `end`, which says whether the queue had it, and returns the moves that follow.
+    fn end_slot(
+        &mut self,
+        task: &str,
+        ctx: &StrategyContext<'_>,
+        end: impl FnOnce(&mut SlotQueue) -> bool,
+    ) -> Vec<LevelMove> {
+        let (Some(plan), Some(progress)) = (ctx.settings.task(task), self.tasks.get_mut(task)) else {
+            return Vec::new();
+        };
+        if !end(progress.queue()) {
+            return Vec::new();
+        }
+        progress.settle(plan, ctx.settings.target).into_iter().collect()
     }
 }

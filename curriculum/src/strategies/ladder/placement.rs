@@ -2,13 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::core::evidence::block::{DiscardedBlocks, EvidenceBlock};
+use crate::core::evidence::block::EvidenceBlock;
 use crate::core::evidence::level_move::{MoveEvidence, ProbeSummary};
-use crate::core::outcome::GroupOutcome;
+use crate::core::evidence::slot_queue::SlotQueue;
 
 /// Number of contested scenarios in a probe.
 pub(super) const PROBE_SIZE: u32 = 16;
-/// Mean success rate from which a probed level passes.
+/// Mean success rate from which a probed level passes, missing episodes counted as failures.
 pub(super) const PASS_MEAN: f64 = 0.5;
 
 /// Bisection in progress. Success is assumed to fall with the level: every level below a passed one counts as passed,
@@ -19,15 +19,15 @@ pub(super) struct Placement {
     unknown: u32,
     /// Lowest level that is known to fail, or the number of levels.
     failed: u32,
+    /// Slots of the probe that are not settled.
+    pub(super) queue: SlotQueue,
     /// Probe that is in progress.
     pub(super) filling: EvidenceBlock,
-    /// Probes that counted, in order.
+    /// Probes that ended, in order.
     pub(super) probes: Vec<ProbeSummary>,
-    /// Probes that were repeated because they lost too many episodes.
-    pub(super) discarded: DiscardedBlocks,
 }
 
-/// Effect of an outcome on a placement.
+/// Effect of settled slots on a placement.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum PlacementStep {
     /// The probe continues at its level.
@@ -44,9 +44,9 @@ impl Placement {
         Self {
             unknown: 0,
             failed: hardest_level + 1,
+            queue: SlotQueue::default(),
             filling: EvidenceBlock::default(),
             probes: Vec::new(),
-            discarded: DiscardedBlocks::default(),
         }
     }
 
@@ -60,15 +60,23 @@ impl Placement {
         self.unknown < self.failed && self.failed <= hardest_level + 1
     }
 
-    /// Records a contested outcome of the level being probed.
-    pub(super) fn observe(&mut self, outcome: &GroupOutcome) -> PlacementStep {
-        let Some(full) = self.filling.record_until_full(outcome, PROBE_SIZE, &mut self.discarded) else {
-            return PlacementStep::SameLevel;
-        };
-        let (level, mean) = (self.level(), full.mean());
+    /// Moves settled slots into the probe, until it is full.
+    pub(super) fn settle(&mut self) -> PlacementStep {
+        while let Some(settled) = self.queue.next_settled() {
+            if let Some(full) = self.filling.record_until_full(settled, PROBE_SIZE) {
+                return self.end_probe(full);
+            }
+        }
+        PlacementStep::SameLevel
+    }
+
+    /// Judges a full probe. Slots that were opened beyond it are of a level that is not probed any more.
+    fn end_probe(&mut self, full: EvidenceBlock) -> PlacementStep {
+        let (level, mean) = (self.level(), full.mean_low());
         let passed = mean >= PASS_MEAN;
-        self.probes.push(ProbeSummary { level, n: full.n, sum: full.sum, mean, passed, first: full.first });
-        self.discarded = DiscardedBlocks::default();
+        let EvidenceBlock { n, low, high, first } = full;
+        self.probes.push(ProbeSummary { level, n, low, high, mean, passed, first });
+        self.queue = SlotQueue::default();
         if passed {
             self.unknown = level + 1;
         } else {
@@ -81,17 +89,17 @@ impl Placement {
         }
     }
 
-    /// Seq of the earliest proposal behind the probes; `None` before the first outcome.
+    /// Seq of the earliest proposal behind the probes; `None` before the first slot.
     pub(super) fn earliest_proposal(&self) -> Option<u64> {
         let counted = self.probes.iter().map(|probe| probe.first.unwrap_or(0));
-        counted.chain(self.filling.earliest_proposal()).min()
+        counted.chain(self.filling.first).chain(self.queue.earliest_proposal()).min()
     }
 
     /// Evidence of the move to `level` that ends the placement.
     pub(super) fn evidence(&self, level: u32) -> MoveEvidence {
         let probes = self.probes.iter().map(|probe| {
             let result = if probe.passed { "passed" } else { "failed" };
-            format!("level {} {result} with {:.2} of {}", probe.level, probe.sum, probe.n)
+            format!("level {} {result} with {:.2} of {}", probe.level, probe.low, probe.n)
         });
         let probes = probes.collect::<Vec<_>>().join(", ");
         let chosen = if self.unknown == 0 { "no level passed" } else { "the highest that passed" };
@@ -106,7 +114,9 @@ impl Placement {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::outcome;
+    use crate::core::evidence::interval::SuccessInterval;
+    use crate::core::outcome::GroupOutcome;
+    use crate::tests::{outcome, slot_of};
 
     /// Level that a placement finds, and the levels it probed.
     struct Placed {
@@ -114,19 +124,28 @@ mod tests {
         probed: Vec<u32>,
     }
 
+    /// Opens a slot with the value, and settles it.
+    fn observe(placement: &mut Placement, proposal: u64, value: SuccessInterval) -> PlacementStep {
+        let slot = slot_of(&GroupOutcome { proposal, ..outcome("t", Some(placement.level()), 1, 1) });
+        placement.queue.open(&slot);
+        placement.queue.resolve(slot.key(), value);
+        placement.settle()
+    }
+
     /// Places an agent that passes every level up to `highest_passing`.
     fn place(hardest_level: u32, highest_passing: Option<u32>) -> Placed {
         let mut placement = Placement::new(hardest_level);
-        loop {
-            let level = placement.level();
-            let passes = highest_passing.is_some_and(|highest| level <= highest);
-            match placement.observe(&outcome("t", Some(level), 1, u32::from(passes))) {
+        for proposal in 0.. {
+            let success = highest_passing.is_some_and(|highest| placement.level() <= highest);
+            let success = f64::from(u8::from(success));
+            match observe(&mut placement, proposal, SuccessInterval { low: success, high: success }) {
                 PlacementStep::Placed(level) => {
                     return Placed { level, probed: placement.probes.iter().map(|p| p.level).collect() };
                 }
                 PlacementStep::SameLevel | PlacementStep::NextLevel => assert!(placement.fits(hardest_level)),
             }
         }
+        unreachable!("a placement ends")
     }
 
     #[test]
@@ -151,19 +170,16 @@ mod tests {
     }
 
     #[test]
-    fn probe_with_too_many_lost_episodes_is_repeated() {
-        let mut placement = Placement::new(9);
-        let lost = GroupOutcome { finished: 0, failed: 1, ..outcome("t", Some(4), 1, 0) };
-        placement.observe(&lost);
-        placement.observe(&lost);
-        for _ in 0..PROBE_SIZE {
-            assert_eq!(placement.observe(&outcome("t", Some(4), 1, 1)), PlacementStep::SameLevel);
-        }
-        assert_eq!((placement.level(), placement.discarded.count, placement.filling.n), (4, 1, 0));
-        for _ in 1..PROBE_SIZE {
-            assert_eq!(placement.observe(&outcome("t", Some(4), 1, 1)), PlacementStep::SameLevel);
-        }
-        assert_eq!(placement.observe(&outcome("t", Some(4), 1, 1)), PlacementStep::NextLevel);
-        assert_eq!(placement.level(), 7);
+    fn missing_outcomes_count_as_failures_of_a_probe() {
+        let success = SuccessInterval { low: 1.0, high: 1.0 };
+        let probe_with = |missing: u64| {
+            let mut placement = Placement::new(9);
+            for proposal in 0..u64::from(PROBE_SIZE) {
+                let value = if proposal < missing { SuccessInterval::MISSING } else { success };
+                observe(&mut placement, proposal, value);
+            }
+            placement.level()
+        };
+        assert_eq!((probe_with(8), probe_with(9)), (7, 1));
     }
 }

@@ -87,7 +87,7 @@ impl Strategy for Learnability {
     fn observe(&mut self, outcome: &GroupOutcome, ctx: &StrategyContext<'_>) -> Vec<LevelMove> {
         if let Some(plan) = ctx.settings.task(&outcome.task) {
             let pool = self.tasks.entry(outcome.task.clone()).or_default();
-            if outcome.evidence && outcome.finished > 0 {
+            if outcome.usable && outcome.finished > 0 {
                 pool.observe(ctx.settings, plan, outcome);
             } else if outcome.role == ProposalRole::Explore {
                 pool.drop_trial(outcome);

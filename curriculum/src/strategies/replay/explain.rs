@@ -1,7 +1,7 @@
 //! Status and explanation of PLR, robust PLR and ACCEL.
 
 use super::{Replay, TaskBuffer, capacity, replay_threshold};
-use crate::core::explanation::{Explanation, TaskStatus};
+use crate::core::explanation::Explanation;
 use crate::core::settings::hyperparameters::replay::{SCORE, ScenarioScore};
 use crate::core::settings::{Settings, StrategyKind};
 use crate::core::strategy::StrategyState;
@@ -9,17 +9,8 @@ use crate::core::strategy::StrategyState;
 /// Number of outcomes without a score from which a task causes a warning, if none had one.
 const MIN_UNSCORED_FOR_WARNING: u64 = 16;
 
-/// Status of each task.
-pub(super) fn status(replay: &Replay, settings: &Settings) -> Vec<TaskStatus> {
-    let status = |task: &str| TaskStatus {
-        warnings: replay.tasks.get(task).and_then(|buffer| warning(buffer, settings)).into_iter().collect(),
-        ..TaskStatus::without_levels(task, Vec::new())
-    };
-    settings.tasks.iter().map(|plan| status(&plan.task)).collect()
-}
-
 /// Warns about a task that can keep no scenario, because no outcome has the score.
-fn warning(task: &TaskBuffer, settings: &Settings) -> Option<String> {
+pub(super) fn warning(task: &TaskBuffer, settings: &Settings) -> Option<String> {
     let scored = task.scored.fresh + task.scored.replayed + task.scored.edited;
     let name = settings.hyperparameters.choice(&SCORE);
     let why = match ScenarioScore::from_name(name) {

@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use self::level_buffer::{BufferedLevel, LevelBuffer, RankWeights, Visit};
 use crate::core::evidence::level_move::LevelMove;
-use crate::core::explanation::{Explanation, TaskStatus};
+use crate::core::explanation::Explanation;
 use crate::core::outcome::GroupOutcome;
 use crate::core::proposal::{Proposal, ProposalRole, ScenarioSource};
 use crate::core::settings::hyperparameters::replay::{
@@ -73,7 +73,7 @@ impl Strategy for Replay {
     }
 
     fn observe(&mut self, outcome: &GroupOutcome, ctx: &StrategyContext<'_>) -> Vec<LevelMove> {
-        if outcome.evidence && outcome.finished > 0 {
+        if outcome.usable && outcome.finished > 0 {
             let task = self.tasks.entry(outcome.task.clone()).or_default();
             task.observe(ctx.settings, outcome, &mut ctx.rng());
         }
@@ -92,8 +92,8 @@ impl Strategy for Replay {
         self.tasks.values().flat_map(|task| task.buffer.iter().map(|(seq, _)| seq)).collect()
     }
 
-    fn status(&self, settings: &Settings) -> Vec<TaskStatus> {
-        explain::status(self, settings)
+    fn warnings(&self, task: &str, settings: &Settings) -> Vec<String> {
+        self.tasks.get(task).and_then(|buffer| explain::warning(buffer, settings)).into_iter().collect()
     }
 
     fn explain(&self, settings: &Settings) -> Explanation {

@@ -118,6 +118,7 @@ const OPERATIONS: &[Operation] = &[
     train("GET", "/v1/runs/{run}/leases/{lease}/columns/entries"),
     train("POST", "/v1/runs/{run}/leases"),
     train("POST", "/v1/runs/{run}/leases/{lease}/columns"),
+    train("POST", "/v1/runs/{run}/leases/{lease}/groups/begin"),
     train("POST", "/v1/runs/{run}/leases/{lease}/renew"),
     train("POST", "/v1/runs/{run}/leases/{lease}/release"),
     train("POST", "/v1/runs/{run}/results"),

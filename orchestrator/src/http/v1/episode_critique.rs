@@ -89,6 +89,7 @@ fn encounter_response(scenario: &Scenario, encounter: Encounter) -> CritiqueEnco
     responses(
         (status = 200, body = EpisodeCritique), (status = 400, body = Problem),
         (status = 404, body = Problem, description = "The episode does not exist, or it has no actions."),
+        (status = 409, body = Problem, description = "The group of the episode is not begun."),
         (status = 410, body = Problem, description = "The actions of the episode were deleted.")
     )
 )]

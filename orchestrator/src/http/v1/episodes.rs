@@ -30,7 +30,10 @@ use env_core::frames::{FrameContent, FrameRange, FramesError, MAX_FRAME_BYTES, f
 #[utoipa::path(
     get, path = "/runs/{run}/episodes/{episode}", tag = "episodes",
     params(("run" = String, Path, description = "The run's id."), ("episode" = String, Path, description = "The episode's id.")),
-    responses((status = 200, body = Episode), (status = 400, body = Problem), (status = 404, body = Problem))
+    responses(
+        (status = 200, body = Episode), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 409, body = Problem, description = "The group of the episode is not begun.")
+    )
 )]
 pub(super) async fn get_episode(
     _: NoQuery,
@@ -109,6 +112,7 @@ async fn compacted_episode(
     responses(
         (status = 200, body = EpisodeReplay), (status = 400, body = Problem),
         (status = 404, body = Problem, description = "The episode does not exist, or it has no actions."),
+        (status = 409, body = Problem, description = "The group of the episode is not begun."),
         (status = 410, body = Problem, description = "The actions of the episode were deleted."),
         (status = 422, body = Problem, description = "The frames exceed 16 MiB.")
     )
@@ -184,6 +188,9 @@ impl StoredEpisode {
             let within = lease.is_compacted && id.index < lease.episodes();
             return Err(if within { EpisodeError::Expired(id) } else { unknown().into() });
         };
+        if !group.is_disclosed {
+            return Err(ServiceError::NotBegun(id.to_string()).into());
+        }
         let row = episodes::get(conn, lease.id, id.index).await?;
         if row.is_none() && lease.is_compacted {
             // The group is kept because something depends on another of its episodes.

@@ -76,12 +76,14 @@ fn task_mastery(status: TaskStatus, levels: Vec<MasteryEstimate>) -> TaskMastery
         claimed_results: claimed_counts(&ClaimCounters::default()),
         group_counts: GroupCounts::default(),
         warnings: status.warnings.clone(),
+        held_back: status.held_back.clone(),
         status,
     }
 }
 
 fn mastery_estimate(m: &Mastery) -> MasteryEstimate {
-    MasteryEstimate { level: m.level, n: m.n, mean: m.mean, q10: m.q10, q90: m.q90, seen: m.seen }
+    let Mastery { level, n, mean, q10, q90, missing, open, seen, .. } = *m;
+    MasteryEstimate { level, n, mean, q10, q90, missing, open, seen }
 }
 
 fn group_counts<'a>(counters: impl Iterator<Item = &'a GroupCounters>) -> GroupCounts {
@@ -99,12 +101,16 @@ fn group_counts<'a>(counters: impl Iterator<Item = &'a GroupCounters>) -> GroupC
 
 fn episode_counts(sums: &TaskCounters) -> EpisodeCounts {
     let mean = |sum: f64, n: i64| (n > 0).then(|| sum / n as f64);
+    let missing = sums.failed + sums.expired;
+    let ended = sums.episodes + missing;
     EpisodeCounts {
         episodes: sums.episodes,
         successes: sums.successes,
         failed: sums.failed,
         expired: sums.expired,
-        success: mean(sums.successes as f64, sums.episodes),
+        success: mean(sums.successes as f64, ended),
+        success_high: mean((sums.successes + missing) as f64, ended),
+        missing: mean(missing as f64, ended),
         score: mean(sums.score_sum, sums.episodes),
         skill: mean(sums.skill_sum, sums.episodes_with_skill),
     }

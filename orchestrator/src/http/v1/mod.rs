@@ -54,6 +54,7 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(policy_versions::describe_policy_version))
         .routes(routes!(leases::create::create_lease, leases::list::list_leases))
         .routes(routes!(leases::get::get_lease))
+        .routes(routes!(leases::begin::begin_groups))
         .routes(routes!(leases::renew::renew_lease))
         .routes(routes!(leases::release::release_lease))
         .routes(routes!(results::report_results))

@@ -61,7 +61,7 @@ pub(super) async fn get_overview(
 }
 
 impl From<TaskLevel> for TaskOverview {
-    fn from(TaskLevel { task, level, mastery }: TaskLevel) -> Self {
+    fn from(TaskLevel { task, level, mastery, held_back }: TaskLevel) -> Self {
         let known = mastery.as_ref();
         Self {
             task,
@@ -69,6 +69,8 @@ impl From<TaskLevel> for TaskOverview {
             mastery: known.map(|known| known.mean),
             mastery_low: known.map(|known| known.q10),
             mastery_high: known.map(|known| known.q90),
+            missing: known.map(|known| known.missing),
+            held_back,
         }
     }
 }

@@ -26,8 +26,9 @@ fn push_point(series: &mut TaskSeries, start: Millis, bucket: &HistoryBucket) {
     series.at.push(start.div_euclid(1000));
     series.episodes.push(bucket.episodes);
     series.claimed.push(bucket.claimed_episodes);
-    series.lost.push(bucket.failed + bucket.expired);
-    series.success.push(mean(bucket.successes as f64, bucket.episodes));
+    let lost = bucket.failed + bucket.expired;
+    series.lost.push(lost);
+    series.success.push(mean(bucket.successes as f64, bucket.episodes + lost));
     series.score.push(mean(bucket.score_sum, bucket.episodes));
     series.skill.push(mean(bucket.skill_sum, bucket.episodes_with_skill));
     series.contested_success.push(mean(bucket.success_rate_sum, bucket.contested_groups));

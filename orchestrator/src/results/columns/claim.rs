@@ -1,32 +1,29 @@
 //! Stores a claim: the results of all episodes of a lease as columns.
 
-use api_types::EvidenceFrom;
 use env_core::format_shortest;
+use sqlx::SqliteConnection;
 use store::columns::{self, ClaimState, ColumnClaimRow, RangeTotals, SeedRangeRow};
 use store::compacted_leases::{self, CompactedClaim};
 use store::groups::{self, GroupRow};
 use store::ids::{LeaseId, RunId};
-use store::leases::{self, LeaseRow, LeaseStatus, Purpose};
-use store::scenarios::{self, ScenarioLoader};
-use store::{from_json, runs};
+use store::leases::{self, LeaseRow, LeaseStatus};
+use store::runs;
+use store::scenarios::ScenarioLoader;
 
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
-use crate::engine::run_tx::RunTx;
 use crate::engine::write_tx::WriteTx;
+use crate::leases::audit_sample::RecipeRange;
+use crate::leases::create::counts_as_evidence;
 use crate::leases::find::find_lease;
 use crate::leases::lease_service::LeaseService;
-use crate::results::columns::draw::{DrawnGroup, RecipeRange, draw_audit};
+use crate::results::columns::sample::{claimed_scores, take_sample};
 use crate::results::columns::settle::settle;
 use crate::results::columns::status::{ClaimStatus, claim_status_of};
 use crate::results::columns::table::{Columns, range_episodes, range_totals};
-use crate::runs::settings::RunSettings;
 
-/// Share of failed episodes above which a claim is no evidence; the same share as of a block.
-const MAX_FAILED_SHARE: f64 = 0.1;
-
-/// Stores the columns of a lease, and draws the groups to audit. The answer is sent after the commit. The same columns again receive
+/// Stores the columns of a lease, and discloses the groups to audit. The answer is sent after the commit. The same columns again receive
 /// the same answer.
 ///
 /// # Errors
@@ -40,9 +37,9 @@ pub async fn claim(
     columns: Columns,
 ) -> Result<ClaimStatus, ServiceError> {
     let mut conn = lease_service.readers.acquire().await?;
-    let stored = runs::get(&mut conn, run.as_str()).await?;
-    let stored = stored.ok_or_else(|| ServiceError::UnknownRun(run.to_string()))?;
-    let settings: RunSettings = from_json("a run's settings", &stored.settings)?;
+    if !runs::exists(&mut conn, run.as_str()).await? {
+        return Err(ServiceError::UnknownRun(run.to_string()));
+    }
     let row = find_lease(&mut conn, &run, &lease).await?;
     if !row.is_columns() {
         let why =
@@ -58,18 +55,25 @@ pub async fn claim(
         ranges.push(RecipeRange { range, recipe });
     }
     drop(conn);
-    let groups = settings.audit_groups;
     let group_size = usize::try_from(row.group_size).unwrap_or(1);
-    // Compressing and drawing take milliseconds, which the threads that answer cannot spare.
+    // Compressing takes milliseconds, which the threads that answer cannot spare.
     let change = tokio::task::spawn_blocking(move || {
         for RecipeRange { range, recipe } in &ranges {
             check_scores(&columns, range, group_size, recipe.task().score_range())?;
         }
-        let drawn = draw_audit(&columns, &ranges, group_size, groups as usize)?;
         let totals = ranges.iter().map(|of| range_totals(&columns, &of.range, group_size)).collect();
         let (digest, body) = (columns.digest(), columns.encode()?);
         let failed = columns.failed.iter().filter(|failed| **failed).count();
-        Ok::<_, ServiceError>(StoreClaim { run, lease, policy_version, digest, body, failed, drawn, totals })
+        Ok::<_, ServiceError>(StoreClaim {
+            run,
+            lease,
+            policy_version,
+            digest,
+            body,
+            failed,
+            columns,
+            totals,
+        })
     });
     let change = change.await.map_err(|error| ServiceError::invalid("score", error.to_string()))??;
     lease_service.writer.change(change).await
@@ -103,7 +107,7 @@ struct StoreClaim {
     digest: Vec<u8>,
     body: Vec<u8>,
     failed: usize,
-    drawn: Vec<DrawnGroup>,
+    columns: Columns,
     totals: Vec<RangeTotals>,
 }
 
@@ -124,7 +128,8 @@ impl Change for StoreClaim {
         {
             return Ok(self.compacted_status(lease, &claim));
         }
-        if !lease.is_active() || lease.expires_at <= tx.now {
+        let clock = tx.run(&lease.run).await?.lease_clock();
+        if !lease.is_active() || lease.expires_at <= clock {
             let status = if lease.is_active() { LeaseStatus::Expired } else { lease.status };
             return Err(ServiceError::LeaseClosed { lease: self.lease.to_string(), status });
         }
@@ -156,22 +161,27 @@ impl StoreClaim {
             failed: self.failed as i64,
             refusal_reason: None,
             at: tx.now,
-            digest: self.digest,
+            digest: self.digest.clone(),
         };
         columns::insert_claim(&mut tx.conn, lease.id, &row, &self.body).await?;
         for totals in &self.totals {
             columns::set_range_totals(&mut tx.conn, lease.id, totals).await?;
         }
-        let RunTx { state, conn, .. } = tx.run(&lease.run).await?;
-        let is_evidence =
-            lease.purpose == Purpose::Probe || state.settings.evidence_from == EvidenceFrom::Train;
-        let is_lossy = self.failed as f64 > MAX_FAILED_SHARE * lease.episodes() as f64;
-        insert_audited_groups(conn, &lease, &self.drawn, is_evidence && !is_lossy).await?;
-        lease.expires_at = tx.now + lease.ttl_ms;
+        let run = tx.run(&lease.run).await?;
+        let is_evidence = counts_as_evidence(lease.purpose, &run.state.settings);
+        let (clock, conn) = (run.lease_clock(), run.conn);
+        let rows = take_sample(conn, &lease, is_evidence).await?;
+        if rows.is_empty() && self.failed as i64 != lease.episodes() {
+            let why =
+                "all claimed scores are of scenarios without a fair start; claim these episodes as failed";
+            return Err(ServiceError::invalid("score", why));
+        }
+        let scores = self.insert_audited_groups(conn, &lease, rows).await?;
+        lease.expires_at = clock + lease.ttl_ms;
         leases::set_expiry(&mut tx.conn, lease.id, lease.expires_at).await?;
-        tx.emit(&lease.run, &claim_event(&lease, &row, self.drawn.len()))?;
-        if self.drawn.is_empty() {
-            settle(tx, &lease).await?; // every episode failed: there is nothing to audit
+        tx.emit(&lease.run, &claim_event(&lease, &row, scores.groups))?;
+        if scores.episodes == 0 {
+            settle(tx, &lease).await?; // every audited episode failed: there is nothing to audit
         }
         // The claim may have been settled at once.
         let claim = columns::claim(&mut tx.conn, lease.id).await?.unwrap_or(row);
@@ -191,29 +201,30 @@ fn claim_event(lease: &LeaseRow, claim: &ColumnClaimRow, audited: usize) -> RunE
     }
 }
 
-/// Inserts the audited groups as groups of the lease.
-async fn insert_audited_groups(
-    conn: &mut sqlx::SqliteConnection,
-    lease: &LeaseRow,
-    drawn: &[DrawnGroup],
-    is_evidence: bool,
-) -> Result<(), ServiceError> {
-    let drawn_scenarios: Vec<_> = drawn.iter().map(|group| &group.scenario).collect();
-    scenarios::insert(conn, &drawn_scenarios).await?;
-    let row = |drawn: &DrawnGroup| {
-        let SeedRangeRow { role, task, .. } = &drawn.range;
-        let open = GroupRow::open(drawn.group, *role, task.clone(), drawn.scenario.id().0.to_vec());
-        GroupRow {
-            proposal: Some(drawn.range.proposal),
-            level: drawn.range.level,
-            failed: lease.group_size - drawn.scores.len() as i64,
-            is_evidence,
-            is_for_training: true,
-            ..open // whether it is contested is known once its logs are audited
+/// Numbers of groups and episodes that are audited.
+struct AuditSize {
+    groups: usize,
+    episodes: usize,
+}
+
+impl StoreClaim {
+    /// Inserts the sampled groups as groups of the lease, with the claimed scores of their episodes.
+    async fn insert_audited_groups(
+        &self,
+        conn: &mut SqliteConnection,
+        lease: &LeaseRow,
+        mut rows: Vec<GroupRow>,
+    ) -> Result<AuditSize, ServiceError> {
+        let group_size = usize::try_from(lease.group_size).unwrap_or(1);
+        let mut scores = Vec::new();
+        for row in &mut rows {
+            let before = scores.len();
+            let claimed = claimed_scores(&self.columns, row.number, group_size);
+            scores.extend(claimed.map(|claimed| (claimed.episode, f64::from(claimed.score))));
+            row.failed = lease.group_size - (scores.len() - before) as i64;
         }
-    };
-    groups::insert(conn, lease.id, &drawn.iter().map(row).collect::<Vec<_>>()).await?;
-    let scores = drawn.iter().flat_map(|group| &group.scores);
-    let scores = scores.map(|claimed| (claimed.episode, f64::from(claimed.score)));
-    Ok(columns::insert_scores(conn, lease.id, &scores.collect::<Vec<_>>()).await?)
+        groups::insert(conn, lease.id, &rows).await?;
+        columns::insert_scores(conn, lease.id, &scores).await?;
+        Ok(AuditSize { groups: rows.len(), episodes: scores.len() })
+    }
 }

@@ -9,9 +9,10 @@ use store::episodes::{self, FinishedEpisode};
 use store::groups::{self, GroupRow, GroupState};
 use store::keys::EpisodeSpan;
 use store::leases::{self, LeaseRow, LeaseStatus};
+use store::proposals::{self, LeasedProposal};
 use store::run_warnings::{self, NewWarning, WarningKind};
-use store::runs;
 use store::task_counters::{self, TaskCounters, TaskCountersKey};
+use store::{from_json, runs, to_u32, to_u64};
 
 use crate::critiques::criticise::MAX_JOB_EPISODES;
 use crate::engine::error::ServiceError;
@@ -20,7 +21,10 @@ use crate::engine::signals::Signal;
 use crate::engine::write_tx::WriteTx;
 use crate::metrics::LeaseEvent;
 use crate::results::close::close_groups;
+use crate::results::columns::sample::take_sample;
+use crate::results::observe::observe;
 use crate::results::report_summary::ReportSummary;
+use curriculum::{GroupOutcome, Proposal};
 
 /// How a claim ends.
 #[derive(Debug, Clone, Copy)]
@@ -71,8 +75,8 @@ pub(crate) async fn settle(tx: &mut WriteTx, lease: &LeaseRow) -> Result<ReportS
         Settlement { claim: &claim, state: ClaimState::Accepted, reason: None, audited: groups.len() },
     )
     .await?;
-    for group in &mut groups {
-        group.is_evidence &= !is_stale;
+    for group in groups.iter_mut().filter(|_| !is_stale) {
+        (group.counted, group.counted_successes) = (group.finished, group.successes);
     }
     count_audited(tx, lease, &groups).await?;
     tx.outbox.signal(Signal::Critique);
@@ -125,7 +129,8 @@ pub(crate) async fn refuse(tx: &mut WriteTx, lease: &LeaseRow, reason: &str) -> 
     warn(tx, lease, WarningKind::RefusedClaim, &message).await
 }
 
-/// Ends a lease of columns that expired or was released: a claim that is not proven counts for nothing.
+/// Ends a lease of columns that expired or was released: a claim that is not proven counts for nothing. The slots of the sample are
+/// missing, whether the trainer saw which groups are audited or not.
 pub(crate) async fn abandon(tx: &mut WriteTx, lease: &LeaseRow) -> Result<(), ServiceError> {
     match columns::claim(&mut tx.conn, lease.id).await? {
         Some(claim) if claim.state == ClaimState::Claimed => {
@@ -148,6 +153,10 @@ pub(crate) async fn abandon(tx: &mut WriteTx, lease: &LeaseRow) -> Result<(), Se
         }
         Some(_) => Ok(()),
         None => {
+            let mut sample = take_sample(&mut tx.conn, lease, true).await?;
+            sample.iter_mut().for_each(|group| group.state = GroupState::Lost);
+            groups::insert(&mut tx.conn, lease.id, &sample).await?;
+            lose_slots(tx, lease, &sample).await?;
             count_lost(tx, lease, |episodes| ClaimCounters { expired: episodes, ..ClaimCounters::default() })
                 .await
         }
@@ -166,14 +175,26 @@ async fn warn(
     tx.emit(&lease.run, &RunEvent::Warning { task: None, message })
 }
 
-/// Closes the audited groups without counting them, and returns their number.
+/// Closes the audited groups without counting them, and returns their number. Their slots are missing.
 async fn discard_groups(tx: &mut WriteTx, lease: &LeaseRow) -> Result<usize, ServiceError> {
     let mut groups = groups::of_lease(&mut tx.conn, lease.id).await?;
-    for group in &mut groups {
-        (group.state, group.is_evidence) = (GroupState::Lost, false);
-    }
+    groups.iter_mut().for_each(|group| group.state = GroupState::Lost);
     groups::update(&mut tx.conn, lease.id, &groups, tx.now).await?;
+    lose_slots(tx, lease, &groups).await?;
     Ok(groups.len())
+}
+
+/// Passes the slots of groups without results to the curriculum.
+async fn lose_slots(tx: &mut WriteTx, lease: &LeaseRow, groups: &[GroupRow]) -> Result<(), ServiceError> {
+    let mut run = tx.run(&lease.run).await?;
+    let seqs: Vec<i64> = groups.iter().filter_map(|group| group.proposal).collect();
+    for LeasedProposal { seq, body, .. } in proposals::get_many(run.conn, &lease.run, &seqs).await? {
+        let proposal: Proposal = from_json("a proposal", &body)?;
+        for group in groups.iter().filter(|group| group.is_slot && group.proposal == Some(seq)) {
+            observe(&mut run, GroupOutcome::missing(to_u64(seq), to_u32(group.number), &proposal)).await?;
+        }
+    }
+    Ok(())
 }
 
 /// Counts the episodes of each range that count for nothing.

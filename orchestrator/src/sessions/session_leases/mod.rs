@@ -15,7 +15,7 @@ use api_types::ResultReceipt;
 use parking_lot::Mutex;
 use sqlx::SqliteConnection;
 use store::ids::{EpisodeId, LeaseId, RunId};
-use store::leases::{LeaseRow, Purpose};
+use store::leases::{Disclosure, LeaseRow, Purpose};
 use store::runs::{self, RunRow};
 use store::scenarios::ScenarioLoader;
 use store::step_verdicts::StepVerdictRow;
@@ -29,6 +29,7 @@ pub(super) use self::reservation::EpisodeReservation;
 use self::run_end::{RunEnd, RunEnds};
 use super::session_request::EpisodeSource;
 use crate::engine::error::ServiceError;
+use crate::leases::begin::BeginGroups;
 use crate::leases::create::CreateLease;
 use crate::leases::find::find_lease;
 use crate::leases::lease_service::LeaseService;
@@ -36,6 +37,7 @@ use crate::leases::renew::RenewLease;
 use crate::results::reported::ReportedEpisode;
 use crate::results::store_verdict::StoreVerdict;
 use crate::runs::settings::RunSettings;
+use crate::sessions::abandon::AbandonEpisodes;
 
 /// Time after which a session's own lease expires without a renewal, in seconds.
 pub const SESSION_LEASE_TTL_S: u32 = 600;
@@ -128,6 +130,8 @@ impl SessionLeases {
             }
             EpisodeSource::Lease { run, lease, group, episode, policy_version } => {
                 let pool = self.lease_pool(run, lease).await?;
+                let unbegun = pool.lock().unbegun_group(group.as_deref(), episode.as_ref());
+                self.begin(&pool, unbegun.into_iter().collect()).await?;
                 let reserved = self.reserve_in(pool, group.as_deref(), episode.as_ref(), false);
                 reserved.map(|episode| episode.with_policy_version(policy_version))
             }
@@ -181,18 +185,85 @@ impl SessionLeases {
         }
     }
 
-    /// Reports finished episodes; retries for a while if the server is busy.
+    /// Begins groups of a task until `wanted` of its episodes can be taken, or no group is left.
+    ///
+    /// # Errors
+    /// Returns the error of [`BeginGroups`].
+    pub(super) async fn begin_for_task(
+        &self,
+        pool: &SharedPool,
+        task: &str,
+        wanted: usize,
+    ) -> Result<(), ServiceError> {
+        let numbers = pool.lock().unbegun_groups(task, wanted);
+        self.begin(pool, numbers).await
+    }
+
+    /// Begins groups of a lease.
+    async fn begin(&self, pool: &SharedPool, numbers: Vec<i64>) -> Result<(), ServiceError> {
+        if numbers.is_empty() {
+            return Ok(());
+        }
+        let (run, lease) = {
+            let pool = pool.lock();
+            (pool.run.clone(), pool.lease.clone())
+        };
+        let change = BeginGroups { run, lease, groups: numbers.clone() };
+        self.lease_service.writer.change(change).await?;
+        pool.lock().set_begun(&numbers);
+        Ok(())
+    }
+
+    /// Stores that sessions left episodes of a pool. Reports of later attempts must come after this.
+    ///
+    /// # Errors
+    /// Returns the error of the store; the next call tries again.
+    async fn store_abandoned(&self, pool: &SharedPool) -> Result<(), ServiceError> {
+        let (lease, groups) = {
+            let mut pool = pool.lock();
+            (pool.lease.number, std::mem::take(&mut pool.abandoned))
+        };
+        if groups.is_empty() {
+            return Ok(());
+        }
+        let change = AbandonEpisodes { lease, groups: groups.clone() };
+        let stored = self.lease_service.writer.change(change).await;
+        if stored.is_err() {
+            pool.lock().abandoned.extend(groups);
+        }
+        stored
+    }
+
+    /// Stores in the background that sessions left episodes of a pool.
+    pub(super) fn spawn_store_abandoned(self: &Arc<Self>, pool: &SharedPool) {
+        if pool.lock().abandoned.is_empty() {
+            return;
+        }
+        let (leases, pool) = (Arc::clone(self), Arc::clone(pool));
+        self.spawn_tracked(async move {
+            if let Err(error) = leases.store_abandoned(&pool).await {
+                tracing::warn!(%error, "The end of a session could not be stored; the next report tries again.");
+            }
+        });
+    }
+
+    /// Reports finished episodes of a pool; retries for a while if the server is busy.
     ///
     /// # Errors
     /// Returns the last error of the report.
     pub(super) async fn report(
         &self,
-        run: &RunId,
+        pool: &SharedPool,
         claims: &[ReportedEpisode],
     ) -> Result<Vec<ResultReceipt>, ServiceError> {
+        let run = pool.lock().run.clone();
         let mut retries = 0;
         loop {
-            match self.lease_service.submit_results(run.clone(), None, claims.to_vec()).await {
+            let reported = match self.store_abandoned(pool).await {
+                Ok(()) => self.lease_service.submit_results(run.clone(), None, claims.to_vec()).await,
+                Err(error) => Err(error),
+            };
+            match reported {
                 Err(error) if error.is_temporary() && retries < MAX_REPORT_RETRIES => {
                     retries += 1;
                     tokio::time::sleep(REPORT_RETRY_DELAY).await;
@@ -290,6 +361,7 @@ impl SessionLeases {
             owner: None,
             refill: false,
             evaluation: None,
+            disclosure: Disclosure::Lease,
         };
         let run_end = self.run_ends.of(&run);
         let granted = self.lease_service.lease(request).await?;
@@ -326,6 +398,7 @@ impl SessionLeases {
             judge: settings.judge,
             run_end,
             groups,
+            abandoned: Vec::new(),
         })
     }
 }
@@ -372,7 +445,8 @@ async fn load_groups(conn: &mut SqliteConnection, lease: &LeaseRow) -> Result<Ve
         let scenario = scenarios.get(&group.scenario)?.clone();
         let first = group.number * lease.group_size;
         let free = (first..first + lease.group_size).filter(|index| !reported.contains(index)).collect();
-        groups.push(PoolGroup { number: group.number, scenario, name: None, free });
+        let (number, is_begun) = (group.number, group.is_disclosed);
+        groups.push(PoolGroup { number, scenario, name: None, free, is_begun });
     }
     Ok(groups)
 }

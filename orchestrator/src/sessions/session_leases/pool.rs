@@ -30,6 +30,8 @@ pub(crate) struct EpisodePool {
     pub(crate) run_end: RunEnd,
     /// Groups of the lease, in order.
     pub(crate) groups: Vec<PoolGroup>,
+    /// Numbers of the groups of episodes that sessions began and left, until this is stored.
+    pub(super) abandoned: Vec<i64>,
 }
 
 /// Group of a pool.
@@ -43,6 +45,8 @@ pub(crate) struct PoolGroup {
     pub(crate) name: Option<String>,
     /// Indices, in the lease, of the episodes that no session has reserved.
     pub(crate) free: BTreeSet<i64>,
+    /// True if the scenario is disclosed. Sessions begin the groups of a lease with `disclosure: begin` as they run them.
+    pub(crate) is_begun: bool,
 }
 
 /// Episode that was taken from a pool.
@@ -108,9 +112,48 @@ impl EpisodePool {
         Ok(PooledEpisode { index, scenario: group.scenario.clone() })
     }
 
-    /// Takes the first free episode of a task.
+    /// Returns the number of the group from which [`Self::take`] would take an episode, if the group is not begun.
+    pub(super) fn unbegun_group(&self, group_name: Option<&str>, episode: Option<&EpisodeId>) -> Option<i64> {
+        let is_untouched =
+            |group: &&PoolGroup| group.name.is_none() && group.free.len() as i64 == self.group_size;
+        let group = match (episode, group_name) {
+            (Some(episode), _) => self.groups.iter().find(|group| group.free.contains(&episode.index)),
+            (None, Some(name)) => {
+                let known = self.groups.iter().find(|group| group.name.as_deref() == Some(name));
+                known.or_else(|| self.groups.iter().find(is_untouched))
+            }
+            (None, None) => self.groups.iter().find(|group| !group.free.is_empty()),
+        };
+        group.filter(|group| !group.is_begun).map(|group| group.number)
+    }
+
+    /// Returns the numbers of the next groups of a task to begin, so that at least `wanted` of its episodes can be taken.
+    pub(super) fn unbegun_groups(&self, task: &str, wanted: usize) -> Vec<i64> {
+        let of_task = || self.free_groups().filter(|group| group.scenario.task().id() == task);
+        let mut begun: usize = of_task().filter(|group| group.is_begun).map(|group| group.free.len()).sum();
+        let mut numbers = Vec::new();
+        for group in of_task().filter(|group| !group.is_begun) {
+            if begun >= wanted {
+                break;
+            }
+            begun += group.free.len();
+            numbers.push(group.number);
+        }
+        numbers
+    }
+
+    /// Marks groups as begun.
+    pub(super) fn set_begun(&mut self, numbers: &[i64]) {
+        for group in self.groups.iter_mut().filter(|group| numbers.contains(&group.number)) {
+            group.is_begun = true;
+        }
+    }
+
+    /// Takes the first free episode of a task whose group is begun.
     pub(crate) fn take_for_task(&mut self, task: &str) -> Option<PooledEpisode> {
-        let matches = |group: &&mut PoolGroup| !group.free.is_empty() && group.scenario.task().id() == task;
+        let matches = |group: &&mut PoolGroup| {
+            group.is_begun && !group.free.is_empty() && group.scenario.task().id() == task
+        };
         let group = self.groups.iter_mut().find(matches)?;
         Some(PooledEpisode { index: group.free.pop_first()?, scenario: group.scenario.clone() })
     }
@@ -127,9 +170,11 @@ impl EpisodePool {
         }
     }
 
-    /// Returns an episode that was taken and did not run to its end.
+    /// Returns an episode that was taken and did not run to its end. Its first attempt is lost: a client that saw the scenario must
+    /// not gain by another one.
     pub(crate) fn give_back(&mut self, index: i64) {
         let number = index.checked_div(self.group_size).unwrap_or_default();
+        self.abandoned.push(number);
         if let Some(group) = self.groups.iter_mut().find(|group| group.number == number) {
             group.free.insert(index);
         }
@@ -151,6 +196,7 @@ mod tests {
             scenario: Scenario::new(Arc::clone(&recipe), Seed::user(number as u64).unwrap()),
             name: None,
             free: (number * group_size..(number + 1) * group_size).collect(),
+            is_begun: true,
         });
         EpisodePool {
             run: "run".parse().unwrap(),
@@ -161,6 +207,7 @@ mod tests {
             judge: None,
             run_end: RunEnd::default(),
             groups: groups.collect(),
+            abandoned: Vec::new(),
         }
     }
 
@@ -188,5 +235,27 @@ mod tests {
         let of_other_lease: EpisodeId = "ep_8-abcdef_0".parse().unwrap();
         assert!(pool.take(None, Some(&of_other_lease)).is_err());
         assert_eq!(pool.take(None, None).unwrap().index, 0);
+    }
+
+    #[test]
+    fn returned_episode_is_abandoned() {
+        let mut pool = pool(2, 2);
+        let taken = pool.take(None, None).unwrap();
+        pool.give_back(taken.index);
+        assert_eq!(pool.abandoned, [0]);
+    }
+
+    #[test]
+    fn groups_are_begun_as_far_as_episodes_are_wanted() {
+        let mut pool = pool(3, 2);
+        pool.groups.iter_mut().for_each(|group| group.is_begun = false);
+        assert_eq!((pool.unbegun_group(None, None), pool.unbegun_group(Some("a"), None)), (Some(0), Some(0)));
+        let task = pool.groups[0].scenario.task().id();
+        assert!(pool.take_for_task(task).is_none(), "no group is begun");
+        assert_eq!(pool.unbegun_groups(task, 3), [0, 1]);
+        pool.set_begun(&[0, 1]);
+        assert!(pool.unbegun_groups(task, 4).is_empty());
+        assert_eq!(pool.unbegun_groups(task, 9), [2]);
+        assert_eq!(pool.take_for_task(task).unwrap().index, 0);
     }
 }

@@ -15,8 +15,8 @@ use crate::sessions::session_request::EpisodeSource;
 
 /// Episode of a lease that one session runs.
 ///
-/// Dropping the reservation before its outcome is reported returns the episode to the pool. If the lease was taken for
-/// this session alone, it is released as well.
+/// Dropping the reservation before its outcome is reported returns the episode to the pool; its first attempt is lost. If the
+/// lease was taken for this session alone, it is released as well.
 #[derive(Debug)]
 pub(crate) struct EpisodeReservation {
     pub(super) leases: Arc<SessionLeases>,
@@ -77,7 +77,7 @@ impl EpisodeReservation {
             policy_version: self.policy_version,
             metrics: None,
         };
-        let receipts = self.leases.report(&self.run, &[claim]).await?;
+        let receipts = self.leases.report(&self.pool, &[claim]).await?;
         self.is_reported = true;
         receipts.into_iter().next().ok_or_else(|| ServiceError::invalid("episode", "it has no receipt"))
     }
@@ -90,7 +90,8 @@ impl Drop for EpisodeReservation {
         }
         self.pool.lock().give_back(self.episode.index);
         if !self.is_exclusive {
-            return; // another session may run the episode, or the lease expires
+            // Another session may run the episode, or the lease expires.
+            return self.leases.spawn_store_abandoned(&self.pool);
         }
         let release = ReleaseLease { run: self.run.clone(), lease: self.episode.lease.clone() };
         let (writer, episode) = (self.leases.lease_service().writer.clone(), self.episode.clone());

@@ -5,12 +5,11 @@ use std::sync::Arc;
 use api_types::{ReceiptStatus, ResultReceipt};
 use parking_lot::Mutex;
 use serde::Serialize;
-use store::ids::RunId;
 use tokio::sync::{mpsc, oneshot};
 
 use crate::engine::error::ServiceError;
 use crate::results::reported::ReportedEpisode;
-use crate::sessions::session_leases::SessionLeases;
+use crate::sessions::session_leases::{SessionLeases, SharedPool};
 
 /// Maximum number of episodes that wait to be reported; more of them block the session.
 const MAX_WAITING_EPISODES: usize = 1024;
@@ -49,21 +48,23 @@ pub(crate) struct EpisodeReporter {
 
 impl EpisodeReporter {
     /// Starts a reporter. It ends once the queue is closed and empty; a shutdown of the server waits for it.
-    pub(crate) fn start(leases: &Arc<SessionLeases>, run: RunId) -> Self {
+    pub(crate) fn start(leases: &Arc<SessionLeases>, pool: &SharedPool) -> Self {
         let (queue, mut waiting) = mpsc::channel::<ReportedEpisode>(MAX_WAITING_EPISODES);
         let (drained_sender, drained) = oneshot::channel();
         let tally: Arc<Mutex<EpisodeTally>> = Arc::default();
         let (shared_tally, shared_leases) = (Arc::clone(&tally), Arc::clone(leases));
+        let (run, pool) = (pool.lock().run.clone(), Arc::clone(pool));
         leases.spawn_tracked(async move {
             let mut batch = Vec::with_capacity(MAX_BATCH_EPISODES);
             while waiting.recv_many(&mut batch, MAX_BATCH_EPISODES).await > 0 {
-                let receipts = shared_leases.report(&run, &batch).await;
+                let receipts = shared_leases.report(&pool, &batch).await;
                 shared_tally.lock().count(batch.len() as u64, &receipts);
                 if let Err(error) = receipts {
                     tracing::error!(%run, %error, episodes = batch.len(), "Episodes of a session could not be stored.");
                 }
                 batch.clear();
             }
+            shared_leases.spawn_store_abandoned(&pool);
             let _ = drained_sender.send(());
         });
         Self { queue: Some(queue), tally, drained: Some(drained) }

@@ -165,6 +165,10 @@ impl VectorSession {
                 return Err(ServiceError::UnknownRun(pool.run.to_string()).into());
             }
         }
+        if let Some(lease) = &self.lease {
+            // Each environment may start one episode.
+            lease.leases.begin_for_task(&lease.pool, self.task.id(), self.layout.envs).await?;
+        }
         let is_step = matches!(frame.command, FrameCommand::Step(_));
         let mut batch = self.batch.take().ok_or(VectorError::Lost)?;
         let layout = self.layout;

@@ -160,53 +160,35 @@ async fn curriculum_state(api: &ApiClient) -> Value {
 }
 
 #[tokio::test]
-async fn designed_groups_are_evidence_only_if_enabled() {
-    for evidence in [false, true] {
-        let server = Server::start().await;
-        let api = server.api();
-        create(&api, json!({"share": 1.0, "layout_share": 1.0, "evidence": evidence, "reserve": 6})).await;
-        report_losses(&api).await;
-        wait_for_stock(&api, 6).await;
-        let before = curriculum_state(&api).await;
-        let lease = api.lease("run", json!({"groups": 10})).await;
-        assert!(layouts_of(&lease).iter().all(Option::is_some), "all groups are designed");
-        let groups = lease.0["groups"].as_array().unwrap();
-        // A scenario counts as one observation, however often it is served.
-        let contested = groups.iter().filter(|group| group["contested"] == true);
-        let contested = contested.map(|group| group["layout"].to_string()).collect::<BTreeSet<_>>().len();
-        let report = api.report("run", lease.results("hold")).await;
-        let statuses: BTreeSet<&str> =
-            report["results"].as_array().unwrap().iter().map(|r| r["status"].as_str().unwrap()).collect();
-        let after = curriculum_state(&api).await;
-        if evidence {
-            assert!(statuses.contains("counted"), "{statuses:?}");
-            let n = |state: &Value| state[1]["block"]["n"].as_u64().unwrap();
-            assert_eq!(n(&after), (n(&before) + contested as u64) % 32);
-            assert_eq!(after[3], before[3], "plain sums exclude designed episodes");
-        } else {
-            assert_eq!(statuses, BTreeSet::from(["stored"]));
-            assert_eq!(after, before);
-        }
-        let mastery = api.get("/v1/runs/run/mastery").await.expect(200);
-        assert_eq!(mastery["tasks"][0]["designed_results"]["episodes"], 20);
-        let profile = wait_for_critiques(&api).await;
-        assert_eq!(
-            profile["tasks"][0]["criticised"],
-            48 + 20,
-            "designed episodes are in the failure profile"
-        );
-        let stock = api.get("/v1/runs/run/designs?state=active").await.expect(200);
-        let stock = stock["designs"].as_array().unwrap().iter().map(|design| (design, &design["results"]));
-        let served: Vec<_> = stock.filter(|(_, results)| results["episodes"].as_u64() > Some(0)).collect();
-        assert_eq!(served.iter().map(|(_, results)| results["episodes"].as_u64().unwrap()).sum::<u64>(), 20);
-        for (design, results) in served.iter().filter(|(design, _)| design["kind"] == "threat") {
-            assert_eq!(results["as_aimed"], 1.0, "a holding policy fails as the layout aims: {design}");
-        }
-        let listed = api.get("/v1/runs/run/episodes?limit=500").await.expect(200);
-        let designed = listed["episodes"].as_array().unwrap().iter().filter(|e| e["layout"].is_string());
-        assert_eq!(designed.count(), 20);
-        assert_release_is_neutral(&api).await;
+async fn designed_groups_are_no_evidence() {
+    let server = Server::start().await;
+    let api = server.api();
+    create(&api, json!({"share": 1.0, "layout_share": 1.0, "reserve": 6})).await;
+    report_losses(&api).await;
+    wait_for_stock(&api, 6).await;
+    let before = curriculum_state(&api).await;
+    let lease = api.lease("run", json!({"groups": 10})).await;
+    assert!(layouts_of(&lease).iter().all(Option::is_some), "all groups are designed");
+    let report = api.report("run", lease.results("hold")).await;
+    let statuses: BTreeSet<&str> =
+        report["results"].as_array().unwrap().iter().map(|r| r["status"].as_str().unwrap()).collect();
+    assert_eq!(statuses, BTreeSet::from(["stored"]));
+    assert_eq!(curriculum_state(&api).await, before);
+    let mastery = api.get("/v1/runs/run/mastery").await.expect(200);
+    assert_eq!(mastery["tasks"][0]["designed_results"]["episodes"], 20);
+    let profile = wait_for_critiques(&api).await;
+    assert_eq!(profile["tasks"][0]["criticised"], 48 + 20, "designed episodes are in the failure profile");
+    let stock = api.get("/v1/runs/run/designs?state=active").await.expect(200);
+    let stock = stock["designs"].as_array().unwrap().iter().map(|design| (design, &design["results"]));
+    let served: Vec<_> = stock.filter(|(_, results)| results["episodes"].as_u64() > Some(0)).collect();
+    assert_eq!(served.iter().map(|(_, results)| results["episodes"].as_u64().unwrap()).sum::<u64>(), 20);
+    for (design, results) in served.iter().filter(|(design, _)| design["kind"] == "threat") {
+        assert_eq!(results["as_aimed"], 1.0, "a holding policy fails as the layout aims: {design}");
     }
+    let listed = api.get("/v1/runs/run/episodes?limit=500").await.expect(200);
+    let designed = listed["episodes"].as_array().unwrap().iter().filter(|e| e["layout"].is_string());
+    assert_eq!(designed.count(), 20);
+    assert_release_is_neutral(&api).await;
 }
 
 /// Checks that a released designed group ends as lost and does not change the statistics of its layout.

@@ -1,6 +1,6 @@
 //! `/v1/sessions`: environments on the server that a client steps over one WebSocket.
 
-mod client;
+pub(crate) mod client;
 mod examples;
 mod lease_sessions;
 mod limits;

@@ -17,13 +17,13 @@ pub(crate) const BUFFER: Hyperparameter = Hyperparameter {
 pub(crate) const WIDEN: Hyperparameter = Hyperparameter {
     name: "widen",
     range: ValueRange::Number { default: 0.7, min: 0.0, max: 1.0 },
-    description: "mean success rate from which a bound widens",
+    description: "mean success rate from which a bound widens, missing episodes counted as failures",
     source: "the ladder's threshold; Akkaya et al. 2019 use at least 20 successes of 50",
 };
 pub(crate) const NARROW: Hyperparameter = Hyperparameter {
     name: "narrow",
     range: ValueRange::Number { default: 0.3, min: 0.0, max: 1.0 },
-    description: "mean success rate up to which a bound narrows",
+    description: "mean success rate up to which a bound narrows, missing episodes counted as successes",
     source: "the ladder's threshold; Akkaya et al. 2019 use at most 10 successes of 50",
 };
 pub(crate) const STEP: Hyperparameter = Hyperparameter {

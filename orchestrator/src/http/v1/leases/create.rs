@@ -13,7 +13,6 @@ use crate::http::extract::{Json, NoQuery, Path};
 use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
-use crate::leases::columns::CreateColumnLease;
 use crate::leases::create::{CreateLease, GrantedLease};
 
 /// Create a lease of groups of scenarios.
@@ -37,8 +36,17 @@ pub(in crate::http::v1) async fn create_lease(
     Path(run): Path<String>,
     Json(request): Json<LeaseRequest>,
 ) -> Result<(StatusCode, axum::Json<Lease>), Problem> {
-    let LeaseRequest { groups, group_size, policy_version, ttl_s, purpose, form, refill, evaluation } =
-        request;
+    let LeaseRequest {
+        groups,
+        group_size,
+        policy_version,
+        ttl_s,
+        purpose,
+        form,
+        refill,
+        evaluation,
+        disclosure,
+    } = request;
     let (run, owner) = (parse_run_id(&run)?, caller.owner_quota(app.client_limits.leases));
     let evaluation = evaluation.map(|text| text.parse::<EvaluationId>()).transpose();
     let evaluation =
@@ -53,10 +61,11 @@ pub(in crate::http::v1) async fn create_lease(
         owner,
         refill,
         evaluation,
+        disclosure: disclosure.convert(),
     };
     let GrantedLease { row, groups, scenarios } = match form {
         LeaseForm::Groups => app.lease_service.lease(lease).await?,
-        LeaseForm::Columns => app.writer.change(CreateColumnLease(lease)).await?,
+        LeaseForm::Columns => app.lease_service.lease_columns(lease).await?,
     };
     let lease = match scenarios {
         Some(scenarios) => lease_from_cache(row, groups, &scenarios)?,

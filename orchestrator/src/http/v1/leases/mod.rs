@@ -1,5 +1,6 @@
-//! Leases: create, list, get, renew and release. `view` converts stored leases to responses.
+//! Leases: create, begin groups, list, get, renew and release. `view` converts stored leases to responses.
 
+pub(super) mod begin;
 pub(super) mod create;
 pub(super) mod get;
 pub(super) mod list;

@@ -1,12 +1,12 @@
 //! Conversion of stored leases to responses, with their groups and without.
 
 use crate::api_enums::ConvertEnum;
-use api_types::{Lease, LeaseSummary, LeasedGroup, SeedRange};
+use api_types::{Lease, LeaseSummary, LeasedGroup, SeedRange, UndisclosedGroup};
 use env_core::{Recipe, RecipeId};
 use serde_json::Value;
 use sqlx::SqliteConnection;
 use store::columns::{self, SeedRangeRow};
-use store::groups::GroupRow;
+use store::groups::{GroupRow, GroupState};
 use store::ids::{EpisodeId, LayoutId, LeaseId};
 use store::leases::LeaseRow;
 use store::scenarios::ScenarioLoader;
@@ -66,8 +66,14 @@ fn build_lease(
     ranges: Option<Vec<SeedRange>>,
 ) -> Result<Lease, Problem> {
     let lease = row.lease_id();
-    let mut groups = Vec::new();
+    let (mut groups, mut undisclosed) = (Vec::new(), Vec::new());
     for group in rows {
+        if !group.is_disclosed {
+            if group.state == GroupState::Open {
+                undisclosed.push(UndisclosedGroup { group: group.number, task: group.task });
+            }
+            continue;
+        }
         let (scenario, bracket) = scenarios.get(&group.scenario, row.is_columns())?;
         let recipe = recipes.insert(scenario.recipe());
         groups.push(leased_group(&lease, &row, group, recipe, scenario, bracket));
@@ -82,7 +88,9 @@ fn build_lease(
         policy_version: row.policy_version,
         expires_at: rfc3339(row.expires_at),
         recipes: recipes.bodies,
+        disclosure: row.disclosure.convert(),
         groups,
+        undisclosed,
         ranges,
     })
 }

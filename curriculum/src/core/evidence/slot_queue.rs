@@ -1,0 +1,237 @@
+//! Slots in the order in which they were opened, until they are settled.
+//!
+//! A slot is settled once it has its value and all slots before it are settled. Blocks and mastery use settled slots
+//! only. A trainer that reports good results early and keeps bad ones back therefore changes nothing: the good results
+//! wait.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use serde::{Deserialize, Serialize};
+
+use super::interval::SuccessInterval;
+use crate::core::slot::{Slot, SlotKey, StalledSlot};
+
+/// Slots that are not settled yet, in the order of their opening.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[serde(from = "Vec<QueuedSlot>", into = "Vec<QueuedSlot>")]
+pub(crate) struct SlotQueue {
+    slots: VecDeque<QueuedSlot>,
+    /// Position of each slot, counted from the first slot that the queue ever had.
+    positions: BTreeMap<SlotKey, u64>,
+    /// Position of the first slot in the queue.
+    first: u64,
+}
+
+/// Slot in the queue.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+struct QueuedSlot {
+    #[serde(flatten)]
+    key: SlotKey,
+    lease: u64,
+    #[serde(flatten)]
+    state: SlotState,
+}
+
+/// State of a slot in the queue.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "state", rename_all = "snake_case")]
+enum SlotState {
+    /// The slot has no value yet.
+    Open,
+    /// The slot has its value.
+    Resolved(SuccessInterval),
+    /// The slot will never have a value: the server lost the group before a trainer saw it.
+    Withdrawn,
+}
+
+/// Slot with its value.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct SettledSlot {
+    /// Seq of the proposal.
+    pub(crate) proposal: u64,
+    /// Value of the slot.
+    pub(crate) value: SuccessInterval,
+}
+
+/// Queues are equal if they have the same slots, whatever they had before.
+impl PartialEq for SlotQueue {
+    fn eq(&self, other: &Self) -> bool {
+        self.slots == other.slots
+    }
+}
+
+impl SlotQueue {
+    /// Appends a slot; does nothing if the queue has it.
+    pub(crate) fn open(&mut self, slot: &Slot) {
+        let position = self.first + self.slots.len() as u64;
+        if let std::collections::btree_map::Entry::Vacant(vacant) = self.positions.entry(slot.key()) {
+            vacant.insert(position);
+            self.slots.push_back(QueuedSlot { key: slot.key(), lease: slot.lease, state: SlotState::Open });
+        }
+    }
+
+    /// Sets the value of an open slot. Returns false if the queue does not have the slot, or if it has its value: only
+    /// the first attempt counts.
+    pub(crate) fn resolve(&mut self, key: SlotKey, value: SuccessInterval) -> bool {
+        self.end(key, SlotState::Resolved(value))
+    }
+
+    /// Withdraws an open slot. Returns false if the queue does not have it, or if it has its value.
+    pub(crate) fn withdraw(&mut self, key: SlotKey) -> bool {
+        self.end(key, SlotState::Withdrawn)
+    }
+
+    fn end(&mut self, key: SlotKey, state: SlotState) -> bool {
+        let Some(position) = self.positions.get(&key) else { return false };
+        let index = usize::try_from(position - self.first).unwrap_or(usize::MAX);
+        match self.slots.get_mut(index) {
+            Some(slot) if slot.state == SlotState::Open => {
+                slot.state = state;
+                true
+            }
+            _ => false,
+        }
+    }
+
+    /// Takes the next slot that is settled.
+    pub(crate) fn next_settled(&mut self) -> Option<SettledSlot> {
+        while let Some(front) = self.slots.front().copied() {
+            if front.state == SlotState::Open {
+                return None;
+            }
+            self.slots.pop_front();
+            self.positions.remove(&front.key);
+            self.first += 1;
+            if let SlotState::Resolved(value) = front.state {
+                return Some(SettledSlot { proposal: front.key.proposal, value });
+            }
+        }
+        None
+    }
+
+    /// Number of slots without a value.
+    pub(crate) fn open_count(&self) -> u32 {
+        self.count(|slot| slot.state == SlotState::Open)
+    }
+
+    /// Number of slots that have their value and wait for an earlier slot.
+    pub(crate) fn waiting_count(&self) -> u32 {
+        self.count(|slot| matches!(slot.state, SlotState::Resolved(_)))
+    }
+
+    /// First open slot, for which the later ones wait; `None` if no slot is open.
+    pub(crate) fn stalled(&self) -> Option<StalledSlot> {
+        let front = self.slots.front()?;
+        let later =
+            self.count(|slot| slot.lease > front.lease && matches!(slot.state, SlotState::Resolved(_)));
+        Some(StalledSlot { key: front.key, lease: front.lease, later })
+    }
+
+    /// Number of slots in the queue.
+    pub(crate) fn len(&self) -> usize {
+        self.slots.len()
+    }
+
+    /// Seq of the earliest proposal in the queue.
+    pub(crate) fn earliest_proposal(&self) -> Option<u64> {
+        self.positions.first_key_value().map(|(key, _)| key.proposal)
+    }
+
+    fn count(&self, matches: impl Fn(&QueuedSlot) -> bool) -> u32 {
+        u32::try_from(self.slots.iter().filter(|slot| matches(slot)).count()).unwrap_or(u32::MAX)
+    }
+}
+
+impl From<Vec<QueuedSlot>> for SlotQueue {
+    fn from(slots: Vec<QueuedSlot>) -> Self {
+        let positions = (0..).zip(&slots).map(|(position, slot)| (slot.key, position)).collect();
+        Self { slots: slots.into(), positions, first: 0 }
+    }
+}
+
+impl From<SlotQueue> for Vec<QueuedSlot> {
+    fn from(queue: SlotQueue) -> Self {
+        queue.slots.into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::proposal::ProposalRole;
+
+    fn slot(proposal: u64, lease: u64) -> Slot {
+        let task = "kessler/survival".to_owned();
+        Slot { proposal, group: 0, lease, task, level: Some(0), epoch: 0, role: ProposalRole::Frontier }
+    }
+
+    fn key(proposal: u64) -> SlotKey {
+        SlotKey { proposal, group: 0 }
+    }
+
+    const SUCCESS: SuccessInterval = SuccessInterval { low: 1.0, high: 1.0 };
+
+    fn queue(slots: u64) -> SlotQueue {
+        let mut queue = SlotQueue::default();
+        (0..slots).for_each(|proposal| queue.open(&slot(proposal, proposal)));
+        queue
+    }
+
+    #[test]
+    fn slots_settle_in_the_order_of_opening() {
+        let mut queue = queue(3);
+        assert!(queue.resolve(key(1), SUCCESS) && queue.resolve(key(2), SuccessInterval::MISSING));
+        assert_eq!((queue.next_settled(), queue.open_count(), queue.waiting_count()), (None, 1, 2));
+        assert!(queue.resolve(key(0), SUCCESS));
+        let settled: Vec<_> = std::iter::from_fn(|| queue.next_settled()).collect();
+        assert_eq!(settled.iter().map(|slot| slot.proposal).collect::<Vec<_>>(), [0, 1, 2]);
+        assert_eq!((settled[2].value, queue.len()), (SuccessInterval::MISSING, 0));
+    }
+
+    #[test]
+    fn first_value_of_a_slot_stays() {
+        let mut queue = queue(2);
+        assert!(queue.resolve(key(1), SuccessInterval::MISSING));
+        assert!(!queue.resolve(key(1), SUCCESS) && !queue.resolve(key(7), SUCCESS));
+        queue.open(&slot(1, 9));
+        queue.resolve(key(0), SUCCESS);
+        assert_eq!(std::iter::from_fn(|| queue.next_settled()).count(), 2);
+        assert!(!queue.resolve(key(1), SUCCESS), "the slot is settled");
+    }
+
+    #[test]
+    fn withdrawn_slot_lets_the_later_ones_settle() {
+        let mut queue = queue(2);
+        queue.resolve(key(1), SUCCESS);
+        assert!(queue.withdraw(key(0)) && !queue.withdraw(key(0)));
+        assert_eq!(queue.next_settled().map(|slot| slot.proposal), Some(1));
+        // The group is leased again.
+        queue.open(&slot(0, 5));
+        assert!(queue.resolve(key(0), SUCCESS));
+    }
+
+    #[test]
+    fn stalled_slot_counts_results_of_later_leases_only() {
+        let mut queue = SlotQueue::default();
+        for (proposal, lease) in [(0, 4), (1, 4), (2, 5), (3, 3), (4, 6)] {
+            queue.open(&slot(proposal, lease));
+        }
+        for proposal in 1..4 {
+            queue.resolve(key(proposal), SUCCESS);
+        }
+        assert_eq!(queue.stalled(), Some(StalledSlot { key: key(0), lease: 4, later: 1 }));
+    }
+
+    #[test]
+    fn queue_round_trips_through_json() {
+        let mut queue = queue(4);
+        queue.resolve(key(2), SuccessInterval { low: 0.25, high: 0.5 });
+        queue.withdraw(key(3));
+        let stored = serde_json::to_string(&queue).unwrap();
+        let mut restored: SlotQueue = serde_json::from_str(&stored).unwrap();
+        assert_eq!(restored, queue);
+        assert!(restored.resolve(key(0), SUCCESS) && restored.next_settled().is_some());
+        assert!(restored.resolve(key(1), SUCCESS));
+        assert_eq!(std::iter::from_fn(|| restored.next_settled()).count(), 2);
+    }
+}
