@@ -249,6 +249,8 @@ pub enum RefusalCode {
     UnknownEpisode,
     /// The lease belongs to another run.
     ForeignEpisode,
+    /// The lease belongs to another principal.
+    ForeignLease,
     /// The fields of the result are invalid.
     InvalidResult,
     /// The action log does not replay.
@@ -271,6 +273,7 @@ impl RefusalCode {
         Self::BadId,
         Self::UnknownEpisode,
         Self::ForeignEpisode,
+        Self::ForeignLease,
         Self::InvalidResult,
         Self::InvalidLog,
         Self::Conflict,
@@ -287,6 +290,7 @@ impl RefusalCode {
             Self::BadId => "bad_id",
             Self::UnknownEpisode => "unknown_episode",
             Self::ForeignEpisode => "foreign_episode",
+            Self::ForeignLease => "foreign_lease",
             Self::InvalidResult => "invalid_result",
             Self::InvalidLog => "invalid_log",
             Self::Conflict => "conflict",

@@ -25,6 +25,10 @@ pub struct RunSummary {
     pub policy_version: i64,
     /// Tags of the run, in alphabetical order.
     pub tags: Vec<String>,
+    /// Principal that owns the run; null if the run was created without authentication.
+    pub owner: Option<String>,
+    /// Principals that may take part in the run beside its owner, in alphabetical order. In a run without an owner, every trainer may.
+    pub members: Vec<String>,
     /// Complete settings of the run.
     #[schema(value_type = Object)]
     pub settings: Value,
@@ -97,6 +101,17 @@ pub struct RunQuery {
 pub struct RunTagsRequest {
     /// All tags of the run, at most 32. A tag has 1 to 64 of a-z, 0-9, _, ., : and -, and begins with a letter or a digit.
     pub tags: Vec<String>,
+}
+
+/// Members of a run, and its owner.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RunMembersRequest {
+    /// All principals that may take part in the run beside its owner, at most 100.
+    pub members: Vec<String>,
+    /// Principal that becomes the owner (default: the owner stays). Only an admin can set it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub owner: Option<String>,
 }
 
 /// Confirmation of a deletion.

@@ -87,10 +87,10 @@ struct ClientLimitArgs {
     /// Largest number of concurrent sessions of a token, within --sessions
     #[arg(long, default_value_t = 64, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     sessions_each: u32,
-    /// Largest number of active leases of a token
+    /// Largest number of active leases of a principal, with all of its tokens
     #[arg(long, default_value_t = ClientLimits::default().leases, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     leases_each: u32,
-    /// Largest number of runs that a token may create
+    /// Largest number of runs that a principal may own
     #[arg(long, default_value_t = ClientLimits::default().runs, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     runs_each: u32,
 }

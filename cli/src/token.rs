@@ -9,6 +9,7 @@ use jiff::{SignedDuration, Span};
 use serde::Serialize;
 use sqlx::SqliteConnection;
 use store::audit_log::{self, AuditRing, AuditRow};
+use store::principals;
 use store::role::Role;
 use store::tokens::{self, NewToken, TokenRow};
 use store::{DatabaseLock, OpenError, transactions};
@@ -25,11 +26,18 @@ A token is shown once, when it is created; the database stores only its hash. Cl
 sparring_…`. A viewer can read. A trainer can also create runs, lease scenarios, report results and open sessions. An admin can \
 also change, pause, archive and resume runs, set their retention, request designs and read the audit log. As soon as a token exists, the server rejects \
 requests without one, also from its own machine. A running server learns of new and revoked tokens within 5 seconds, and then \
-closes the connections of revoked and expired ones. Create the first token before the server is reachable, as the user that \
+closes the connections of revoked and expired ones.
+
+Runs and leases belong to the principal of the token that created them. Only this principal and admins can use such a lease or change \
+such a run; `sparring runs members` adds other principals to a run. To replace a token, create another one with the same principal and \
+revoke the old one: the new token keeps the access.
+
+Create the first token before the server is reachable, as the user that \
 runs the server: the command creates a missing database, and that user must own it.
 
 Examples:
   sparring token create ppo-cluster --role trainer --db training.sqlite3
+  sparring token create ppo-cluster-2 --principal ppo-cluster --role trainer
   sparring token create grafana --role viewer --expires never
   sudo -u sparring sparring token create me --role admin \\
       --db /var/lib/sparring/sparring.sqlite3
@@ -48,6 +56,9 @@ enum Command {
     Create {
         /// Name of the token, 1 to 100 characters
         name: String,
+        /// Principal that the token acts for, which owns its runs and leases [default: the name of the token]
+        #[arg(long, value_name = "NAME")]
+        principal: Option<String>,
         /// Role of the token, which sets its permissions
         #[arg(long, value_enum)]
         role: RoleArg,
@@ -55,7 +66,7 @@ enum Command {
         #[arg(long, default_value = "90d", value_name = "TIME", value_parser = parse_lifetime, allow_hyphen_values = true)]
         expires: TokenLifetime,
     },
-    /// List tokens with name, role, state, expiry and last use
+    /// List tokens with name, principal, role, state, expiry and last use
     List(JsonFlag),
     /// Revoke a token by its number
     Revoke {
@@ -116,12 +127,15 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let now = Clock::system().now();
         let db = &args.database.db;
         match &args.command {
-            Command::Create { name, role, expires } => {
-                check_name(name)?;
+            Command::Create { name, principal, role, expires } => {
+                check_name("token", name)?;
+                let principal = principal.as_ref().unwrap_or(name);
+                check_name("principal", principal)?;
                 if !db.exists() {
                     tracing::info!(db = %db.display(), "The database does not exist yet; it is created.");
                 }
-                create(&mut open(db).await?, name, Role::from(*role), now, *expires).await
+                let token = TokenRequest { name, principal, role: Role::from(*role), expires: *expires };
+                create(&mut open(db).await?, token, now).await
             }
             Command::List(flag) => list(&mut *open_readers(db).await?.acquire().await?, now, flag.json).await,
             Command::Revoke { id } => {
@@ -144,24 +158,31 @@ async fn open(db: &Path) -> Result<SqliteConnection, OpenError> {
     }
 }
 
-fn check_name(name: &str) -> anyhow::Result<()> {
+/// Checks the name of a token or a principal.
+fn check_name(item: &str, name: &str) -> anyhow::Result<()> {
     ensure!(
         (1..=MAX_NAME_CHARS).contains(&name.chars().count()),
-        "a token's name must have 1 to {MAX_NAME_CHARS} characters"
+        "a {item}'s name must have 1 to {MAX_NAME_CHARS} characters"
     );
     ensure!(
         !name.chars().any(char::is_control),
-        "a token's name must not contain tabs, line ends or other control characters"
+        "a {item}'s name must not contain tabs, line ends or other control characters"
     );
     Ok(())
 }
 
+/// A token to be created.
+struct TokenRequest<'a> {
+    name: &'a str,
+    principal: &'a str,
+    role: Role,
+    expires: TokenLifetime,
+}
+
 async fn create(
     conn: &mut SqliteConnection,
-    name: &str,
-    role: Role,
+    TokenRequest { name, principal, role, expires }: TokenRequest<'_>,
     now: Millis,
-    expires: TokenLifetime,
 ) -> anyhow::Result<ExitCode> {
     let expires_at = match expires {
         TokenLifetime::Ever => None,
@@ -170,7 +191,8 @@ async fn create(
         }
     };
     let mut moment = transactions::begin_write(conn).await?;
-    let id = tokens::insert(&mut moment, &NewToken { name, role, expires_at }, now).await?;
+    let owner = principals::get_or_insert(&mut moment, principal).await?;
+    let id = tokens::insert(&mut moment, &NewToken { name, principal: owner, role, expires_at }, now).await?;
     let token = Token::new(id);
     tokens::set_hash(&mut moment, id, token.hash().as_bytes()).await?;
     audit_log::append(&mut moment, AuditRing::Changes, &command_line_audit_row("create", id, now)).await?;
@@ -179,7 +201,7 @@ async fn create(
     moment.commit().await.context("the printed token is invalid, because it could not be stored")?;
     let until = expires_at.map_or_else(|| "without expiry".to_owned(), |at| format!("until {}", rfc3339(at)));
     tracing::info!(
-        "Token {id}, {name:?}, has the role {role}, {until}. It cannot be shown again; `sparring token revoke {id}` revokes it."
+        "Token {id}, {name:?}, of the principal {principal:?}, has the role {role}, {until}. It cannot be shown again; `sparring token revoke {id}` revokes it."
     );
     Ok(ExitCode::SUCCESS)
 }
@@ -211,6 +233,7 @@ async fn list(conn: &mut SqliteConnection, now: Millis, json: bool) -> anyhow::R
     let mut table = TextTable::new([
         Column::number("token"),
         Column::text("name"),
+        Column::text("principal"),
         Column::text("role"),
         Column::text("state"),
         Column::text("created").optional(2),
@@ -223,6 +246,7 @@ async fn list(conn: &mut SqliteConnection, now: Millis, json: bool) -> anyhow::R
         table.add_row([
             token.id.to_string(),
             token.name,
+            token.principal_name,
             token.role.to_string(),
             state,
             rfc3339(token.created_at),
@@ -247,6 +271,7 @@ async fn list(conn: &mut SqliteConnection, now: Millis, json: bool) -> anyhow::R
 struct TokenLine<'a> {
     token: i64,
     name: &'a str,
+    principal: &'a str,
     role: &'static str,
     state: &'static str,
     created_at: String,
@@ -259,6 +284,7 @@ impl<'a> TokenLine<'a> {
         Self {
             token: token.id,
             name: &token.name,
+            principal: &token.principal_name,
             role: token.role.as_str(),
             state: token.state(now).as_str(),
             created_at: rfc3339(token.created_at),

@@ -6,7 +6,7 @@
 //! - Use cases: [`runs`], [`leases`], [`results`], [`critiques`], [`designs`], [`rollouts`], [`evaluations`], [`retention`].
 //! - [`engine`] is the only writer of the database and holds the state of runs; the crate `store` has all SQL.
 //! - [`workers`] run in the background.
-//! - [`limits`] bound what clients may use.
+//! - [`ownership`] decides which client may use a lease or a run, [`limits`] bound what clients may use.
 //! - [`sessions`] run environments on the server.
 //!
 //! The curriculum's decisions are in the crate `curriculum`, the worlds in `env-core`, suites and
@@ -21,6 +21,7 @@ pub mod http;
 pub mod leases;
 pub mod limits;
 pub mod metrics;
+pub mod ownership;
 pub mod queries;
 pub mod results;
 pub mod retention;

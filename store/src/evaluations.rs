@@ -4,6 +4,7 @@ use sqlx::{QueryBuilder, SqliteConnection, query};
 
 use super::{MAX_ROWS, StoreError, text_enum, to_json};
 use crate::Millis;
+use crate::principals::PrincipalId;
 
 text_enum! {
     /// State of an evaluation.
@@ -62,6 +63,8 @@ pub struct EvaluationRow {
     pub created_at: Millis,
     /// When the last scenario was run.
     pub completed_at: Option<Millis>,
+    /// Principal that started the evaluation; none without authentication.
+    pub owner: Option<PrincipalId>,
 }
 
 /// A scenario of an evaluation.
@@ -93,8 +96,8 @@ pub async fn insert(
 ) -> Result<i64, StoreError> {
     let id = query!(
         "INSERT INTO evaluations (name, suite, suite_hash, tasks, policy, run, policy_version, training, training_seed,
-                                  rollouts, is_stochastic, seed, state, scenarios, created_at)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                                  rollouts, is_stochastic, seed, state, scenarios, created_at, owner)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         row.name,
         row.suite,
         row.suite_hash,
@@ -109,7 +112,8 @@ pub async fn insert(
         row.seed,
         row.state,
         row.scenarios,
-        row.created_at
+        row.created_at,
+        row.owner
     )
     .execute(&mut *conn)
     .await?
@@ -131,7 +135,7 @@ macro_rules! query_evaluations {
             EvaluationRow,
             r#"SELECT id, name, suite, suite_hash, tasks, policy, run, policy_version, training, training_seed,
                       rollouts, is_stochastic AS "is_stochastic: bool", seed, state AS "state: EvaluationState", error, scenarios,
-                      scenarios_done, retries, created_at, completed_at
+                      scenarios_done, retries, created_at, completed_at, owner AS "owner: PrincipalId"
                FROM evaluations "# + $rest,
             $($argument),+
         )

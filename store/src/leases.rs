@@ -7,6 +7,7 @@ use super::groups::{self, GroupRow};
 use super::{MAX_ROWS, StoreError, text_enum};
 use crate::Millis;
 use crate::ids::LeaseId;
+use crate::principals::PrincipalId;
 
 text_enum! {
     /// Purpose of a lease.
@@ -94,9 +95,9 @@ pub struct LeaseRow {
     /// True if the lease was compacted. Only groups that something still refers to are left of it.
     #[serde(skip)]
     pub is_compacted: bool,
-    /// Number of the token that took the lease, if authentication is on.
-    #[serde(skip)]
-    pub owner: Option<i64>,
+    /// Principal that the lease belongs to; none if it was taken without authentication.
+    #[serde(default)] // leases that were compacted earlier have no owner
+    pub owner: Option<PrincipalId>,
 }
 
 impl LeaseRow {
@@ -138,7 +139,8 @@ macro_rules! query_leases {
             $crate::leases::LeaseRow,
             r#"SELECT id, id_suffix, run, purpose AS "purpose: Purpose", form AS "form: LeaseForm",
                       status AS "status: LeaseStatus", groups, group_size, policy_version, ttl_ms, created_at, expires_at,
-                      first_expires_at, disclosure AS "disclosure: Disclosure", is_compacted AS "is_compacted: bool", owner
+                      first_expires_at, disclosure AS "disclosure: Disclosure", is_compacted AS "is_compacted: bool",
+                      owner AS "owner: PrincipalId"
                FROM leases "# + $rest,
             $($argument),+
         )

@@ -40,11 +40,13 @@ pub mod leases;
 pub mod listed_episodes;
 pub mod llm_spend;
 mod lock;
+pub mod name_set;
 mod open;
 mod open_error;
 pub mod overview;
 mod pack;
 pub mod policy_versions;
+pub mod principals;
 pub mod progress;
 pub mod proposals;
 #[cfg(test)]

@@ -6,6 +6,7 @@ use sqlx::{SqliteConnection, query};
 
 use super::keys::{EpisodeKey, GroupKey};
 use super::leases::{Disclosure, LeaseForm, LeaseRow, LeaseStatus, Purpose, query_leases};
+use super::principals::PrincipalId;
 use super::{StoreError, to_json};
 
 /// Amount of episodes that a run stores whole.

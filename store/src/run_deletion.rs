@@ -184,6 +184,7 @@ const DELETIONS: &[Deletion] = &[
     Deletion::new(of_run!("deleted_run_events", "run")),
     Deletion::new(of_run!("run_settings", "run, revision")),
     Deletion::new(of_run!("run_tags", "run, tag")),
+    Deletion::new(of_run!("run_members", "run, principal")),
 ];
 
 /// Marks a run as deleted, and ends what workers and clients do for it: its leases, its waiting proposals and its design requests.

@@ -51,23 +51,6 @@ impl fmt::Display for RunTag {
     }
 }
 
-/// Tags of one run, in alphabetical order. A statement selects them as a JSON list.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct RunTags(pub BTreeSet<String>);
-
-impl sqlx::Type<sqlx::Sqlite> for RunTags {
-    fn type_info() -> sqlx::sqlite::SqliteTypeInfo {
-        <str as sqlx::Type<sqlx::Sqlite>>::type_info()
-    }
-}
-
-impl<'r> sqlx::Decode<'r, sqlx::Sqlite> for RunTags {
-    fn decode(value: sqlx::sqlite::SqliteValueRef<'r>) -> Result<Self, sqlx::error::BoxDynError> {
-        let text = <&str as sqlx::Decode<sqlx::Sqlite>>::decode(value)?;
-        Ok(Self(serde_json::from_str(text)?))
-    }
-}
-
 /// Replaces the tags of a run.
 ///
 /// # Errors

@@ -6,7 +6,9 @@ use sqlx::{SqliteConnection, query};
 
 use super::{StoreError, text_enum};
 use crate::Millis;
-use crate::run_tags::{RunTag, RunTags};
+use crate::name_set::NameSet;
+use crate::principals::PrincipalId;
+use crate::run_tags::RunTag;
 
 text_enum! {
     /// Status of a run: only active runs grant leases.
@@ -40,7 +42,11 @@ pub struct RunRow {
     /// When the run was paused; none while it is active.
     pub paused_at: Option<Millis>,
     /// Tags of the run.
-    pub tags: RunTags,
+    pub tags: NameSet,
+    /// Name of the principal that owns the run; none if it was created without authentication.
+    pub owner: Option<String>,
+    /// Names of the principals that may take part in the run beside its owner.
+    pub members: NameSet,
 }
 
 /// Selects [`RunRow`]s of runs that exist: takes what follows `FROM` and the arguments of the statement. The runs are `r`.
@@ -49,7 +55,11 @@ macro_rules! query_runs {
         sqlx::query_as!(
             RunRow,
             r#"SELECT r.id, r.name, r.seed, r.status AS "status: RunStatus", r.settings, r.policy_version, r.created_at,
-                      r.archived_at, r.paused_at, (SELECT json_group_array(tag) FROM run_tags WHERE run = r.id) AS "tags!: RunTags"
+                      r.archived_at, r.paused_at,
+                      (SELECT json_group_array(tag) FROM run_tags WHERE run = r.id) AS "tags!: NameSet",
+                      (SELECT name FROM principals WHERE id = r.owner) AS "owner: String",
+                      (SELECT json_group_array(p.name) FROM run_members m CROSS JOIN principals p ON p.id = m.principal
+                       WHERE m.run = r.id) AS "members!: NameSet"
                FROM "# + $rest,
             $($argument),+
         )
@@ -94,7 +104,7 @@ pub struct SettingsRow {
 pub async fn insert(
     conn: &mut SqliteConnection,
     row: &RunRow,
-    owner: Option<i64>,
+    owner: Option<PrincipalId>,
 ) -> Result<bool, StoreError> {
     let done = query!(
         "INSERT INTO runs (id, name, seed, status, settings, policy_version, created_at, owner)

@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use sqlx::migrate::Migrator;
 use sqlx::{Connection, SqliteConnection};
 
+use super::name_set::NameSet;
 use super::open::{open_current_readers_with, open_writer_with};
-use super::run_tags::RunTags;
+use super::principals::PrincipalId;
 use super::runs::{self, RunCursor};
-use super::{OpenError, open_current_readers, open_writer, run_deletion};
+use super::{OpenError, leases, open_current_readers, open_writer, run_deletion, tokens};
 
 /// Schema version of the synthetic migration.
 const FUTURE_SCHEMA: i64 = 9000;
@@ -89,12 +90,51 @@ async fn runs_of_the_first_schema_are_kept() {
     let mut conn = open_writer(&path).await.expect("the schema is changed");
     assert!(copy_path(&path, 1, "").exists());
     let run = runs::get(&mut conn, "run").await.expect("a query").expect("the run");
-    assert_eq!((run.name.as_str(), run.tags), ("first", RunTags::default()));
+    assert_eq!((run.name.as_str(), run.tags), ("first", NameSet::default()));
     let cursor = RunCursor { created_at: -1, id: "" };
     assert_eq!(runs::page(&mut conn, cursor, false, 10).await.expect("a query").len(), 1);
     run_deletion::mark(&mut conn, "run", 1).await.expect("a change");
     while run_deletion::delete_rows(&mut conn, "run").await.expect("a change") {}
     assert_eq!(run_deletion::oldest_pending(&mut conn).await.expect("a query"), None);
+}
+
+/// Tokens owned runs and leases before there were principals.
+#[tokio::test]
+async fn owners_of_the_first_schema_become_principals() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let first = folder.path().join("first");
+    std::fs::create_dir(&first).expect("a folder");
+    std::fs::copy("../migrations/0001_initial.sql", first.join("0001_initial.sql")).expect("a copy");
+    let first = Migrator::new(first).await.expect("a migration");
+    let path = folder.path().join("db");
+    let mut conn = open_writer_with(&path, &first).await.expect("a database");
+    for statement in [
+        "INSERT INTO tokens (name, role, hash, created_at) VALUES
+             ('a', 'admin', x'', 0), ('b', 'trainer', x'', 0), ('a', 'trainer', x'', 0)",
+        "INSERT INTO runs (id, name, seed, status, settings, created_at, owner) VALUES
+             ('owned', '', 1, 'active', '{}', 0, 3), ('open', '', 1, 'active', '{}', 1, NULL)",
+        "INSERT INTO leases (id, id_suffix, run, purpose, status, groups, group_size, policy_version, ttl_ms, created_at,
+                             expires_at, owner)
+         SELECT value, 'x', 'owned', 'train', 'active', 1, 1, 0, 1, 0, 0, iif(value = 1, 2, NULL) FROM json_each('[1, 2, 3]')",
+        "INSERT INTO rollout_leases (lease) VALUES (3)",
+    ] {
+        sqlx::query(statement).execute(&mut conn).await.expect("rows");
+    }
+    conn.close().await.expect("the database closes");
+
+    let mut conn = open_writer(&path).await.expect("the schema is changed");
+    let tokens = tokens::all(&mut conn).await.expect("a query");
+    let names: Vec<&str> = tokens.iter().map(|token| token.principal_name.as_str()).collect();
+    assert_eq!(names, ["a", "b", "a"]);
+    assert_eq!(tokens[0].principal, tokens[2].principal, "tokens with one name have one principal");
+    let owner = async |conn: &mut SqliteConnection, run| {
+        runs::get(conn, run).await.expect("a query").expect("the run").owner
+    };
+    assert_eq!(owner(&mut conn, "owned").await.as_deref(), Some("a"));
+    assert_eq!(owner(&mut conn, "open").await, None);
+    let rows = leases::page(&mut conn, "owned", 0, 10).await.expect("a query");
+    let owners: Vec<_> = rows.iter().map(|lease| lease.owner).collect();
+    assert_eq!(owners, [Some(tokens[1].principal), None, Some(PrincipalId::SERVER)]);
 }
 
 #[tokio::test]

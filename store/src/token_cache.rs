@@ -5,6 +5,7 @@ use std::time::Duration;
 use moka::sync::Cache;
 
 use crate::Millis;
+use crate::principals::PrincipalId;
 use crate::role::Role;
 
 /// Valid token of a client.
@@ -12,6 +13,8 @@ use crate::role::Role;
 pub struct ValidToken {
     /// Number of the token, from 1.
     pub id: i64,
+    /// Principal that the token acts for.
+    pub principal: PrincipalId,
     /// Role that limits what the token may do.
     pub role: Role,
     /// When the token expires; none for never.

@@ -4,6 +4,7 @@ use sqlx::{SqliteConnection, query};
 
 use super::StoreError;
 use crate::Millis;
+use crate::principals::PrincipalId;
 use crate::role::Role;
 
 /// Row of the `tokens` table.
@@ -13,6 +14,10 @@ pub struct TokenRow {
     pub id: i64,
     /// Name that is displayed.
     pub name: String,
+    /// Number of the principal that the token acts for.
+    pub principal: PrincipalId,
+    /// Name of the principal.
+    pub principal_name: String,
     /// Role that limits what the token may do.
     pub role: Role,
     /// Hash of the token; empty before it is set.
@@ -67,6 +72,8 @@ impl TokenRow {
 pub struct NewToken<'a> {
     /// Name that is displayed.
     pub name: &'a str,
+    /// Principal that the token acts for.
+    pub principal: PrincipalId,
     /// Role that limits what the token may do.
     pub role: Role,
     /// When the token expires; none for never.
@@ -79,8 +86,9 @@ pub struct NewToken<'a> {
 /// Returns [`StoreError::Database`] if the statement fails.
 pub async fn insert(conn: &mut SqliteConnection, new: &NewToken<'_>, now: Millis) -> Result<i64, StoreError> {
     let done = query!(
-        "INSERT INTO tokens (name, role, hash, created_at, expires_at) VALUES (?, ?, x'', ?, ?)",
+        "INSERT INTO tokens (name, principal, role, hash, created_at, expires_at) VALUES (?, ?, ?, x'', ?, ?)",
         new.name,
+        new.principal,
         new.role,
         now,
         new.expires_at
@@ -99,12 +107,14 @@ pub async fn set_hash(conn: &mut SqliteConnection, id: i64, hash: &[u8]) -> Resu
     Ok(())
 }
 
-/// Selects [`TokenRow`]s: takes what follows `FROM tokens` and the arguments of the statement.
+/// Selects [`TokenRow`]s: takes what follows `FROM tokens t` and the arguments of the statement.
 macro_rules! query_tokens {
     ($rest:literal $(, $argument:expr)* $(,)?) => {
         sqlx::query_as!(
             TokenRow,
-            r#"SELECT id, name, role AS "role: Role", hash, created_at, expires_at, revoked_at, used_at FROM tokens "# + $rest
+            r#"SELECT t.id, t.name, t.principal AS "principal!: PrincipalId", p.name AS "principal_name!",
+                      t.role AS "role: Role", t.hash, t.created_at, t.expires_at, t.revoked_at, t.used_at
+               FROM tokens t CROSS JOIN principals p ON p.id = t.principal "# + $rest
             $(, $argument)*
         )
     };
@@ -115,7 +125,7 @@ macro_rules! query_tokens {
 /// # Errors
 /// Returns [`StoreError::Database`] if the query fails.
 pub async fn get(conn: &mut SqliteConnection, id: i64) -> Result<Option<TokenRow>, StoreError> {
-    Ok(query_tokens!("WHERE id = ?", id).fetch_optional(conn).await?)
+    Ok(query_tokens!("WHERE t.id = ?", id).fetch_optional(conn).await?)
 }
 
 /// Reads all tokens, oldest first.
@@ -123,7 +133,7 @@ pub async fn get(conn: &mut SqliteConnection, id: i64) -> Result<Option<TokenRow
 /// # Errors
 /// Returns [`StoreError::Database`] if the query fails.
 pub async fn all(conn: &mut SqliteConnection) -> Result<Vec<TokenRow>, StoreError> {
-    Ok(query_tokens!("ORDER BY id").fetch_all(conn).await?)
+    Ok(query_tokens!("ORDER BY t.id").fetch_all(conn).await?)
 }
 
 /// Answer to the question whether a database has tokens.
@@ -169,30 +179,4 @@ pub async fn revoke(conn: &mut SqliteConnection, id: i64, now: Millis) -> Result
 pub async fn set_used(conn: &mut SqliteConnection, id: i64, now: Millis) -> Result<(), StoreError> {
     query!("UPDATE tokens SET used_at = ? WHERE id = ?", now, id).execute(conn).await?;
     Ok(())
-}
-
-/// Counts the runs that a token created.
-///
-/// # Errors
-/// Returns [`StoreError::Database`] if the query fails.
-pub async fn count_runs(conn: &mut SqliteConnection, id: i64) -> Result<i64, StoreError> {
-    Ok(sqlx::query_scalar!(
-        r#"SELECT count(*) AS "n!: i64" FROM runs WHERE owner = ? AND deleted_at IS NULL"#,
-        id
-    )
-    .fetch_one(conn)
-    .await?)
-}
-
-/// Counts the active leases of a token.
-///
-/// # Errors
-/// Returns [`StoreError::Database`] if the query fails.
-pub async fn count_leases(conn: &mut SqliteConnection, id: i64) -> Result<i64, StoreError> {
-    Ok(sqlx::query_scalar!(
-        r#"SELECT count(*) AS "n!: i64" FROM leases INDEXED BY leases_of_owner WHERE owner = ? AND status = 'active'"#,
-        id
-    )
-    .fetch_one(conn)
-    .await?)
 }

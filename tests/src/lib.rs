@@ -176,6 +176,12 @@ impl ApiClient {
         Self { session: Some(name.to_owned()), ..self }
     }
 
+    /// Token that the client sends, if any.
+    #[must_use]
+    pub fn token(&self) -> Option<&str> {
+        self.token.as_deref()
+    }
+
     /// URL of the server.
     #[must_use]
     pub fn base(&self) -> &str {

@@ -6,6 +6,7 @@ use futures_util::{SinkExt, StreamExt};
 use serde_json::Value;
 use tokio::net::TcpStream;
 use tokio_tungstenite::tungstenite::Message;
+use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async};
 
 use crate::ApiClient;
@@ -33,13 +34,18 @@ pub enum Received {
 }
 
 impl TestSocket {
-    /// Connects to a path of the server.
+    /// Connects to a path of the server, with the token of the client if it has one.
     ///
     /// # Panics
     /// Panics if the server rejects the connection.
     pub async fn connect(api: &ApiClient, path: &str) -> Self {
         let url = format!("{}{path}", api.base().replacen("http", "ws", 1));
-        Self(connect_async(url).await.expect("the server accepts the connection").0)
+        let mut request = url.into_client_request().expect("a URL");
+        if let Some(token) = &api.token {
+            let value = format!("Bearer {token}").parse().expect("a token is a header value");
+            request.headers_mut().insert("authorization", value);
+        }
+        Self(connect_async(request).await.expect("the server accepts the connection").0)
     }
 
     /// Sends a text frame.

@@ -4,6 +4,7 @@ mod change;
 mod create;
 mod delete;
 mod list;
+mod members;
 mod show;
 mod tag;
 
@@ -15,7 +16,7 @@ use clap::Subcommand;
 
 use crate::api::{Connection, ServerArgs, StartService};
 
-/// List, show, create, tag, pause, resume, archive or delete runs.
+/// List, show, create, tag, share, pause, resume, archive or delete runs.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 RUN is the id of a run, the beginning of one id only, or the name of one run only. Where only one run is not archived, RUN can be \
@@ -29,6 +30,7 @@ Examples:
   sparring runs show baseline
   sparring runs tag baseline lr:3e-4 paper --remove draft
   sparring runs list --tag paper
+  sparring runs members baseline notebook
   sparring runs pause run-1a
   sparring runs delete run-1a --archive
   sparring runs list --url http://trainer.example.com:8700 --json")]
@@ -45,6 +47,7 @@ enum Command {
     Show(show::Args),
     Create(create::Args),
     Tag(tag::Args),
+    Members(members::Args),
     Pause(change::PauseArgs),
     Resume(change::ResumeArgs),
     Archive(change::ArchiveArgs),
@@ -65,6 +68,7 @@ pub fn run(args: &Args, start: StartService) -> anyhow::Result<ExitCode> {
             Command::Show(args) => show::run(api, args).await,
             Command::Create(args) => create::run(api, args).await,
             Command::Tag(args) => tag::run(api, args).await,
+            Command::Members(args) => members::run(api, args).await,
             Command::Pause(args) => change::pause(api, args).await,
             Command::Resume(args) => change::resume(api, args).await,
             Command::Archive(args) => change::archive(api, args).await,

@@ -4,6 +4,7 @@ use api_types::{Run, RunMastery, RunOverview};
 use serde::Serialize;
 
 use super::list::{status_name, strategy};
+use super::tag::listed;
 use crate::api::{ApiClient, find_run};
 use crate::output::{self, Column, JsonFlag, Report, TextTable};
 
@@ -56,6 +57,9 @@ impl RunDetails {
         ));
         if !summary.tags.is_empty() {
             report.line(format!("Tags: {}.", summary.tags.join(", ")));
+        }
+        if let Some(owner) = &summary.owner {
+            report.line(format!("Owner: {owner}. Members: {}.", listed(&summary.members)));
         }
         report.line(format!(
             "{} episodes, {:.1} episodes/s over the last 5 minutes, {} active leases, policy version {}.",

@@ -49,7 +49,7 @@ pub(super) async fn run(api: &ApiClient, args: &Args) -> anyhow::Result<()> {
     output::print(&format!("tags of {}: {}", tagged.id, listed(&tagged.tags)))
 }
 
-/// Lists tags in a sentence.
-fn listed(tags: &[String]) -> String {
-    if tags.is_empty() { "none".to_owned() } else { tags.join(", ") }
+/// Lists names in a sentence.
+pub(super) fn listed(names: &[String]) -> String {
+    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
 }

@@ -76,15 +76,54 @@ pub enum ServiceError {
         "lease {0} cannot be renewed after its columns were claimed; report the logs of its audited groups before it expires"
     )]
     AuditDue(String),
+    /// The lease belongs to another principal.
+    #[error(
+        "lease {0} belongs to another principal; use a token of an admin, or of the principal that took it"
+    )]
+    ForeignLease(String),
+    /// The client's principal is neither the owner nor a member of the run.
+    #[error(
+        "run {run} belongs to the principal {owner:?}, and the token's principal is no member; \
+         the owner or an admin can add it with PUT /v1/runs/{run}/members or `sparring runs members`"
+    )]
+    NotRunMember {
+        /// Id of the run.
+        run: String,
+        /// Name of the run's owner.
+        owner: String,
+    },
+    /// The operation is for the owner of the run.
+    #[error(
+        "run {run} belongs to the principal {owner:?}; only a token of this principal or of an admin can change the run"
+    )]
+    NotRunOwner {
+        /// Id of the run.
+        run: String,
+        /// Name of the run's owner.
+        owner: String,
+    },
+    /// The operation is for the owner of the run, and the run has none.
+    #[error(
+        "run {0} has no owner, so only an admin can change it; an admin can set its owner with PUT /v1/runs/{0}/members"
+    )]
+    RunWithoutOwner(String),
+    /// The owner of a run is set by admins.
+    #[error("only an admin can set the owner of a run; leave `owner` out to set the members")]
+    OwnerNeedsAdmin,
+    /// The evaluation belongs to another principal.
+    #[error(
+        "evaluation eval-{0} belongs to another principal; use a token of an admin, or of the principal that created it"
+    )]
+    ForeignEvaluation(i64),
     /// The run has as many active leases as it may have.
     #[error("the run has {0} active leases, the maximum; report or release one")]
     TooManyLeases(i64),
-    /// The token has as many active leases as it may have.
-    #[error("the token has {0} active leases, the maximum; report or release one")]
-    TooManyLeasesOfToken(u32),
-    /// The token has created as many runs as it may.
+    /// The principal has as many active leases as it may have.
+    #[error("the principal of the token has {0} active leases, the maximum; report or release one")]
+    TooManyLeasesOfPrincipal(u32),
+    /// The principal owns as many runs as it may.
     #[error(
-        "the token created {0} runs, the maximum; use another token, or start the server with a larger --runs-each"
+        "the principal of the token owns {0} runs, the maximum; delete one, or start the server with a larger --runs-each"
     )]
     TooManyRuns(u32),
     /// No prepared scenario became available in time.

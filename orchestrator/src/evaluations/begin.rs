@@ -4,6 +4,7 @@ use api_types::EvaluationRequest;
 use env_core::text::{MAX_QUOTED_CHARS, shorten};
 use store::evaluations::{self, EvaluationRow, EvaluationState};
 use store::ids::RunId;
+use store::principals::PrincipalId;
 use store::{runs, to_i64, to_json};
 
 use crate::engine::change::Change;
@@ -29,6 +30,19 @@ pub struct BeginEvaluation {
 }
 
 impl BeginEvaluation {
+    /// Run whose policy is evaluated, if any.
+    #[must_use]
+    pub const fn run(&self) -> Option<&RunId> {
+        self.run.as_ref()
+    }
+
+    /// Returns the change with an owner for the evaluation.
+    #[must_use]
+    pub fn owned_by(mut self, owner: Option<PrincipalId>) -> Self {
+        self.row.owner = owner;
+        self
+    }
+
     /// Checks a request.
     ///
     /// # Errors
@@ -73,6 +87,7 @@ impl BeginEvaluation {
             retries: 0,
             created_at: 0,
             completed_at: None,
+            owner: None,
         };
         Ok(Self { row, run, entries })
     }

@@ -7,6 +7,7 @@ use utoipa::openapi::{Components, ContentBuilder, OpenApi, Ref, RefOr, ResponseB
 
 use super::access::{Permission, find_operation};
 use super::content_negotiation::MESSAGE_PACK;
+use crate::ownership::RunPermission;
 
 const JSON: &str = "application/json";
 
@@ -43,8 +44,15 @@ pub(super) fn set_problem_media_type(document: &mut OpenApi) {
 const TOKEN_SCHEME: &str = "token";
 /// Description of the security scheme.
 const TOKEN_DESCRIPTION: &str = "`Authorization: Bearer sparring_…`, created by `sparring token create`. Each operation names the \
-lowest role that it requires: viewer, trainer or admin. A server without tokens accepts requests from its own machine only; a server with \
+lowest role that it requires: viewer, trainer or admin. `member` and `owner` after it require that the principal of the token is a \
+member or the owner of the run; an admin needs neither. A server without tokens accepts requests from its own machine only; a server with \
 --openenv-public needs no token for OpenEnv's routes.";
+
+/// Description of the response to a client that takes no part in the run.
+const NOT_MEMBER: &str = "The role of the token does not permit the operation, or its principal is neither the owner nor a member of the run.";
+/// Description of the response to a client that does not own the run.
+const NOT_OWNER: &str =
+    "The role of the token does not permit the operation, or its principal does not own the run.";
 
 /// Adds to each operation the role that it requires, and the responses of a request without it.
 pub(super) fn add_roles(document: &mut OpenApi) {
@@ -62,18 +70,23 @@ pub(super) fn add_roles(document: &mut OpenApi) {
         ];
         for (method, declared) in operations {
             let Some(declared) = declared else { continue };
-            let Some(Permission::Token(role) | Permission::OpenEnv(role)) =
-                find_operation(&method, path).map(|operation| operation.permission)
-            else {
+            let Some(permission) = find_operation(&method, path).map(|operation| operation.permission) else {
                 continue;
             };
-            declared.security = Some(vec![SecurityRequirement::new(TOKEN_SCHEME, [role.as_str()])]);
+            let Some(role) = permission.role() else { continue };
+            let (relation, denial) = match permission {
+                Permission::Run(RunPermission::TakePart) => (Some("member"), NOT_MEMBER),
+                Permission::Run(RunPermission::Change) => (Some("owner"), NOT_OWNER),
+                _ => (None, "The role of the token does not permit the operation."),
+            };
+            let scopes = std::iter::once(role.as_str()).chain(relation);
+            declared.security = Some(vec![SecurityRequirement::new(TOKEN_SCHEME, scopes)]);
             add_denial(
                 declared,
                 "401",
                 "The request has no token, or its token is unknown, expired or revoked.",
             );
-            add_denial(declared, "403", "The role of the token does not permit the operation.");
+            add_denial(declared, "403", denial);
             add_denial(declared, "429", "The rate limit of requests is reached; retry after `Retry-After`.");
         }
     }

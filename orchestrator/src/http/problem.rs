@@ -180,7 +180,12 @@ impl From<ServiceError> for Problem {
             E::ColumnsConflict(_) => problem(StatusCode::CONFLICT, "columns_conflict"),
             E::AuditDue(_) => problem(StatusCode::CONFLICT, "audit_due"),
             E::LeaseClosed { .. } => problem(StatusCode::CONFLICT, "lease_closed"),
-            E::TooManyLeases(_) | E::TooManyLeasesOfToken(_) => {
+            E::ForeignLease(_) => problem(StatusCode::FORBIDDEN, "foreign_lease"),
+            E::ForeignEvaluation(_) => problem(StatusCode::FORBIDDEN, "foreign_evaluation"),
+            E::NotRunMember { .. } => problem(StatusCode::FORBIDDEN, "not_run_member"),
+            E::NotRunOwner { .. } | E::RunWithoutOwner(_) => problem(StatusCode::FORBIDDEN, "not_run_owner"),
+            E::OwnerNeedsAdmin => problem(StatusCode::FORBIDDEN, "forbidden").at("owner"),
+            E::TooManyLeases(_) | E::TooManyLeasesOfPrincipal(_) => {
                 problem(StatusCode::TOO_MANY_REQUESTS, "too_many_leases").with_retry_after(5)
             }
             // Waiting does not help, so the status is not 429.

@@ -8,8 +8,9 @@ use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
 use crate::leases::create::GrantedLease;
-use crate::leases::find::find_lease;
+use crate::leases::find::find_own_lease;
 use crate::leases::slots::{GroupSlot, new_slots};
+use crate::ownership::Actor;
 
 /// Discloses groups of a lease. A group that is disclosed already stays as it is.
 #[derive(Debug, Clone)]
@@ -20,6 +21,8 @@ pub struct BeginGroups {
     pub lease: LeaseId,
     /// Numbers of the groups.
     pub groups: Vec<i64>,
+    /// Actor that begins the groups.
+    pub actor: Actor,
 }
 
 impl Change for BeginGroups {
@@ -27,7 +30,7 @@ impl Change for BeginGroups {
     type Output = GrantedLease;
 
     async fn apply(self, tx: &mut WriteTx) -> Result<GrantedLease, ServiceError> {
-        let row = find_lease(&mut tx.conn, &self.run, &self.lease).await?;
+        let row = find_own_lease(&mut tx.conn, &self.run, &self.lease, self.actor).await?;
         let mut run = tx.run(self.run.as_str()).await?;
         check_lease(&row, &self.lease, run.lease_clock())?;
         if run.state.paused_at.is_some() {

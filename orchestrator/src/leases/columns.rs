@@ -26,6 +26,7 @@ use crate::leases::slots::slot_of;
 use crate::metrics::LeaseEvent;
 use crate::runs::settings::MAX_GROUP_SIZE;
 use crate::runs::validate::{check_episodes, check_range};
+use crate::runs::version_step::check_version_step;
 use curriculum::{Proposal, SequencedProposal};
 
 /// Most groups, and most episodes, of a lease of columns.
@@ -96,6 +97,7 @@ impl ReserveRanges {
         check_range("groups", request.groups, 1, MAX_COLUMN_GROUPS)?;
         check_range("group_size", group_size, 1, MAX_GROUP_SIZE)?;
         check_range("ttl_s", request.ttl_s, *TTL_S.start(), *TTL_S.end())?;
+        check_version_step("policy_version", request.policy_version, state.policy_version)?;
         check_episodes(request.groups, group_size, MAX_COLUMN_GROUPS)?;
         Ok(group_size)
     }

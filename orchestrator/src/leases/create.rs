@@ -8,9 +8,10 @@ use store::design_counters::{self, TrainingGroups};
 use store::groups::GroupRow;
 use store::ids::{RunId, random_token};
 use store::leases::{self, Disclosure, LeaseForm, LeaseRow, LeaseStatus, Purpose};
+use store::principals::{self, PrincipalId};
 use store::proposals::{self, QueuedProposal};
+use store::refills;
 use store::servable_layouts::{self, ServableLayout};
-use store::{refills, tokens};
 
 use crate::designs::serve;
 use crate::engine::change::Change;
@@ -25,6 +26,7 @@ use crate::leases::scenario_cache::ScenarioCache;
 use crate::metrics::LeaseEvent;
 use crate::runs::settings::{MAX_GROUP_SIZE, RunSettings};
 use crate::runs::validate::{check_episodes, check_range};
+use crate::runs::version_step::check_version_step;
 use curriculum::Slot;
 
 /// Most groups of a lease.
@@ -54,7 +56,7 @@ pub struct CreateLease {
     pub ttl_s: u32,
     /// Purpose of the episodes.
     pub purpose: Purpose,
-    /// Owner of the lease; `None` if no token is required.
+    /// Owner of the lease; `None` without authentication.
     pub owner: Option<OwnerQuota>,
     /// True if groups with zero variance are replaced, up to as many as the lease has.
     pub refill: bool,
@@ -67,10 +69,15 @@ pub struct CreateLease {
 /// Owner of a new lease or run, and how many of them the owner may have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OwnerQuota {
-    /// Number of the owner's token.
-    pub token: i64,
-    /// Most active leases, or most runs, of the token.
-    pub max: u32,
+    /// Principal that owns the lease or run.
+    pub principal: PrincipalId,
+    /// Most active leases, or most runs, of the principal; `None` for any number.
+    pub max: Option<u32>,
+}
+
+impl OwnerQuota {
+    /// The server as the owner of leases of its workers and sessions.
+    pub const SERVER: Self = Self { principal: PrincipalId::SERVER, max: None };
 }
 
 /// A lease that was granted.
@@ -94,6 +101,9 @@ impl CreateLease {
         check_range("groups", self.groups, 1, MAX_GROUPS)?;
         check_range("group_size", group_size, 1, MAX_GROUP_SIZE)?;
         check_range("ttl_s", self.ttl_s, *TTL_S.start(), *TTL_S.end())?;
+        if self.purpose != Purpose::Eval {
+            check_version_step("policy_version", self.policy_version, state.policy_version)?;
+        }
         check_episodes(self.groups, group_size, MAX_EPISODES)?;
         if self.evaluation.is_some() && self.purpose != Purpose::Eval {
             let why = "needs `purpose: eval`";
@@ -121,16 +131,16 @@ impl CreateLease {
         if active >= MAX_ACTIVE {
             return Err(ServiceError::TooManyLeases(active));
         }
-        if let Some(OwnerQuota { token, max }) = self.owner {
-            let held = tokens::count_leases(conn, token).await?;
+        if let Some(OwnerQuota { principal, max: Some(max) }) = self.owner {
+            let held = principals::count_leases(conn, principal).await?;
             if held >= i64::from(max) {
-                return Err(ServiceError::TooManyLeasesOfToken(max));
+                return Err(ServiceError::TooManyLeasesOfPrincipal(max));
             }
         }
         let ttl_ms = i64::from(self.ttl_s) * 1000;
         Ok(LeaseRow {
             is_compacted: false,
-            owner: self.owner.map(|owner| owner.token),
+            owner: self.owner.map(|owner| owner.principal),
             id: next,
             id_suffix: random_token(6),
             run: self.run.to_string(),

@@ -7,7 +7,8 @@ use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
 use crate::leases::end_lease::{LeaseEnd, end_lease};
-use crate::leases::find::find_lease;
+use crate::leases::find::find_own_lease;
+use crate::ownership::Actor;
 use crate::results::stalled::close_stalled;
 
 /// Leases that one change expires at most.
@@ -20,13 +21,15 @@ pub struct ReleaseLease {
     pub run: RunId,
     /// Id of the lease.
     pub lease: LeaseId,
+    /// Client that the lease must belong to.
+    pub actor: Actor,
 }
 
 impl Change for ReleaseLease {
     type Output = LeaseRow;
 
     async fn apply(self, tx: &mut WriteTx) -> Result<LeaseRow, ServiceError> {
-        let mut row = find_lease(&mut tx.conn, &self.run, &self.lease).await?;
+        let mut row = find_own_lease(&mut tx.conn, &self.run, &self.lease, self.actor).await?;
         if row.is_active() {
             end_lease(tx, &row, LeaseEnd::Released).await?;
             close_stalled(tx, &row.run).await?;

@@ -7,6 +7,7 @@ use store::leases::{self, LeaseRow};
 use store::runs;
 
 use crate::engine::error::ServiceError;
+use crate::ownership::{Actor, check_lease};
 
 /// Returns the row of a lease of this run, compacted or not.
 ///
@@ -27,4 +28,19 @@ pub async fn find_lease(
         return Err(ServiceError::UnknownRun(run.to_string()));
     }
     row.ok_or_else(|| ServiceError::UnknownLease(lease.to_string()))
+}
+
+/// Returns the row of a lease of this run that an actor may use, compacted or not.
+///
+/// # Errors
+/// Returns the errors of [`find_lease`], and [`ServiceError::ForeignLease`] if the lease belongs to another principal.
+pub async fn find_own_lease(
+    conn: &mut SqliteConnection,
+    run: &RunId,
+    lease: &LeaseId,
+    actor: Actor,
+) -> Result<LeaseRow, ServiceError> {
+    let row = find_lease(conn, run, lease).await?;
+    check_lease(actor, &row)?;
+    Ok(row)
 }

@@ -16,12 +16,14 @@ use crate::evaluations::lease::create_suite_lease;
 use crate::leases::columns::create_column_lease;
 use crate::leases::create::{CreateLease, GrantedLease};
 use crate::leases::eval::create_eval_lease;
+use crate::ownership::Actor;
 use crate::results::audit::audit;
 use crate::results::audit_outcome::AuditedReport;
 use crate::results::report::{ReportReceipts, StoreResults};
 use crate::results::reported::ReportedEpisode;
 use crate::rollouts::rollout_lease::{LeaseRolloutGroup, RolloutLease};
 use crate::runs::settings::RunSettings;
+use crate::runs::version_step::check_version_step;
 
 /// How long a lease request waits for scenarios to be prepared before it is refused with `NotReady`.
 const PREPARE_TIMEOUT: Duration = Duration::from_secs(10);
@@ -108,18 +110,21 @@ impl LeaseService {
         tokio::time::timeout(PREPARE_TIMEOUT, waiting).await.unwrap_or(Err(ServiceError::NotReady))
     }
 
-    /// Replays reported episodes and stores their results. The receipts are returned after the commit.
+    /// Replays the episodes that an actor reports, and stores their results. The receipts are returned after the commit.
     ///
     /// # Errors
-    /// Returns [`ServiceError::UnknownRun`], or an error of the store. Results that were written before the error are kept, and are
+    /// Returns [`ServiceError::UnknownRun`], [`ServiceError::Invalid`] if `policy_version` is far above the newest version of the run,
+    /// or an error of the store. Results that were written before the error are kept, and are
     /// answered as duplicates when they are reported again. A report that is wrong is refused in its receipt.
     pub async fn submit_results(
         &self,
         run: RunId,
+        actor: Actor,
         policy_version: Option<u32>,
         reported: Vec<ReportedEpisode>,
     ) -> Result<ReportReceipts, ServiceError> {
-        let AuditedReport { episodes, mut brackets } = self.replay_results(&run, reported).await?;
+        let replayed = self.replay(&run, actor, policy_version, reported).await?;
+        let AuditedReport { episodes, mut brackets } = replayed;
         let mut answer = ReportReceipts::default();
         let mut episodes = episodes.into_iter();
         loop {
@@ -135,7 +140,7 @@ impl LeaseService {
         }
     }
 
-    /// Replays reported episodes without storing anything.
+    /// Replays episodes that the server ran, without storing anything.
     ///
     /// # Errors
     /// Returns [`ServiceError::UnknownRun`], or an error of the store.
@@ -144,10 +149,23 @@ impl LeaseService {
         run: &RunId,
         reported: Vec<ReportedEpisode>,
     ) -> Result<AuditedReport, ServiceError> {
+        self.replay(run, Actor::Server, None, reported).await
+    }
+
+    async fn replay(
+        &self,
+        run: &RunId,
+        actor: Actor,
+        policy_version: Option<u32>,
+        reported: Vec<ReportedEpisode>,
+    ) -> Result<AuditedReport, ServiceError> {
         let mut conn = self.readers.acquire().await?;
         let row = runs::get(&mut conn, run.as_str()).await?;
         let row = row.ok_or_else(|| ServiceError::UnknownRun(run.to_string()))?;
+        if let Some(version) = policy_version {
+            check_version_step("policy_version", version, row.policy_version)?;
+        }
         let settings: RunSettings = from_json("a run's settings", &row.settings)?;
-        audit(&mut conn, &self.replay_pool, run, settings, reported).await
+        audit(&mut conn, &self.replay_pool, run, actor, settings, reported).await
     }
 }

@@ -7,8 +7,9 @@ use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::write_tx::WriteTx;
-use crate::leases::find::find_lease;
+use crate::leases::find::find_own_lease;
 use crate::metrics::LeaseEvent;
+use crate::ownership::Actor;
 use crate::results::columns::status::is_claimed;
 
 /// Extends an active lease by its duration, from now.
@@ -18,13 +19,15 @@ pub struct RenewLease {
     pub run: RunId,
     /// Id of the lease.
     pub lease: LeaseId,
+    /// Client that the lease must belong to.
+    pub actor: Actor,
 }
 
 impl Change for RenewLease {
     type Output = LeaseRow;
 
     async fn apply(self, tx: &mut WriteTx) -> Result<LeaseRow, ServiceError> {
-        let mut row = find_lease(&mut tx.conn, &self.run, &self.lease).await?;
+        let mut row = find_own_lease(&mut tx.conn, &self.run, &self.lease, self.actor).await?;
         let clock = tx.run(&row.run).await?.lease_clock();
         if !row.is_active() || row.expires_at <= clock {
             let status = if row.is_active() { LeaseStatus::Expired } else { row.status };

@@ -9,9 +9,9 @@ pub struct ClientLimits {
     pub requests: NonZeroU32,
     /// Maximum number of requests per second of one address without a token.
     pub anonymous: NonZeroU32,
-    /// Maximum number of runs that one token may create.
+    /// Maximum number of runs that one principal may own.
     pub runs: u32,
-    /// Maximum number of active leases of one token.
+    /// Maximum number of active leases of one principal.
     pub leases: u32,
 }
 

@@ -17,6 +17,7 @@ use store::ids::RunId;
 use store::keys::GroupKey;
 
 use crate::engine::error::ServiceError;
+use crate::ownership::Actor;
 use crate::results::audit_outcome::{
     AuditOutcome, AuditedEpisode, AuditedReport, DeferredBracket, ReplayedEpisode,
 };
@@ -32,10 +33,11 @@ pub async fn audit(
     conn: &mut SqliteConnection,
     threads: &Arc<ThreadPool>,
     run: &RunId,
+    actor: Actor,
     settings: RunSettings,
     reported: Vec<ReportedEpisode>,
 ) -> Result<AuditedReport, ServiceError> {
-    let mut finder = EpisodeFinder::new(run);
+    let mut finder = EpisodeFinder::new(run, actor);
     let mut lookups = Vec::with_capacity(reported.len());
     // One read transaction: if a lease were compacted between `find` and `load`, its groups would no longer exist.
     let mut snapshot = sqlx::Connection::begin(conn).await.map_err(StoreError::from)?;

@@ -13,6 +13,7 @@ use store::leases::{self, LeaseRow};
 
 use crate::engine::error::ServiceError;
 use crate::leases::scenario_cache::ScenarioCache;
+use crate::ownership::Actor;
 use crate::results::audit_outcome::AuditOutcome;
 use crate::results::refusal::Refusal;
 
@@ -36,6 +37,8 @@ pub(crate) type EpisodeLookup = Result<EpisodePlace, AuditOutcome>;
 /// Collects the groups that a report needs, and loads them together.
 pub(crate) struct EpisodeFinder<'a> {
     run: &'a RunId,
+    /// Client that reports, which the leases must belong to.
+    actor: Actor,
     leases: HashMap<LeaseId, Result<LeaseRow, Refusal>>,
     /// Compacted leases by number.
     compacted: HashMap<i64, CompactedLease>,
@@ -57,10 +60,11 @@ struct PendingGroup {
 }
 
 impl<'a> EpisodeFinder<'a> {
-    /// A finder for episodes of one run.
-    pub(crate) fn new(run: &'a RunId) -> Self {
+    /// A finder for episodes of one run that an actor reports.
+    pub(crate) fn new(run: &'a RunId, actor: Actor) -> Self {
         Self {
             run,
+            actor,
             leases: HashMap::new(),
             compacted: HashMap::new(),
             needed: BTreeMap::new(),
@@ -171,6 +175,10 @@ impl<'a> EpisodeFinder<'a> {
             Some(row) if row.run != self.run.as_str() => {
                 let detail = format!("lease {id} does not belong to run {}", self.run);
                 Err(Refusal::new(RefusalCode::ForeignEpisode, detail))
+            }
+            Some(row) if !self.actor.may_use_lease(row.owner) => {
+                let detail = ServiceError::ForeignLease(id.to_string()).to_string();
+                Err(Refusal::new(RefusalCode::ForeignLease, detail))
             }
             Some(row) => Ok(row),
         };

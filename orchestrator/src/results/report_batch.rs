@@ -8,10 +8,10 @@ use store::episodes::{self, EpisodeRow, EpisodeState, ReportedResult, StoredLog}
 use store::groups::{self, GroupRow, GroupState};
 use store::ids::RunId;
 use store::keys::{EpisodeKey, GroupKey};
-use store::leases::{self, LeaseRow};
+use store::leases::{self, LeaseRow, Purpose};
 use store::policy_versions::{self, VersionCounters, VersionKey};
 use store::task_counters::{self, TaskCounters};
-use store::{compacted_leases, runs};
+use store::{compacted_leases, runs, to_u32};
 
 use crate::critiques::criticise::MAX_JOB_EPISODES;
 use crate::engine::error::ServiceError;
@@ -28,6 +28,7 @@ use crate::results::receipt::{refused_receipt, unstored_receipt};
 use crate::results::refusal::Refusal;
 use crate::results::report_summary::ReportSummary;
 use crate::results::stalled::{close_stalled, end_if_done};
+use crate::runs::version_step::check_version_step;
 
 /// Rows that the episodes of one report touch.
 #[derive(Default)]
@@ -147,7 +148,7 @@ impl ReportBatch {
         Ok(receipt)
     }
 
-    /// Returns why a result cannot be stored: its scenario is not disclosed, or an evaluation is of another policy version.
+    /// Returns why a result cannot be stored: its scenario is not disclosed, or it may not have this policy version.
     async fn refusal(
         &self,
         tx: &mut WriteTx,
@@ -159,13 +160,7 @@ impl ReportBatch {
             let detail = "its group was not begun; begin the group first".to_owned();
             return Ok(Some(Refusal::new(RefusalCode::NotBegun, detail)));
         }
-        let expected = lease.policy_version;
-        if version != expected && store_results::is_evaluation_episode(tx, lease, number).await? {
-            let detail =
-                format!("the policy version must be {expected}, that of the evaluation, got {version}");
-            return Ok(Some(Refusal::new(RefusalCode::VersionMismatch, detail)));
-        }
-        Ok(None)
+        refuse_version(tx, lease, number, version).await
     }
 
     /// Keeps a new result until the end of the report. A later report of the same episode is then a duplicate.
@@ -352,4 +347,24 @@ impl ReportBatch {
 /// Key of the group of an episode.
 fn group_key(lease: &LeaseRow, number: i64) -> GroupKey {
     GroupKey { lease: lease.id, number: number / lease.group_size.max(1) }
+}
+
+/// Returns why a result of an episode may not have a policy version: it is not that of the evaluation, or far above the newest.
+async fn refuse_version(
+    tx: &mut WriteTx,
+    lease: &LeaseRow,
+    number: i64,
+    version: i64,
+) -> Result<Option<Refusal>, ServiceError> {
+    if lease.purpose != Purpose::Eval {
+        let newest = tx.run(&lease.run).await?.state.policy_version;
+        let checked = check_version_step("policy_version", to_u32(version), newest);
+        return Ok(checked.err().map(|error| Refusal::new(RefusalCode::InvalidResult, error.to_string())));
+    }
+    if version == lease.policy_version || !store_results::is_evaluation_episode(tx, lease, number).await? {
+        return Ok(None);
+    }
+    let wanted = lease.policy_version;
+    let detail = format!("the policy version must be {wanted}, that of the evaluation, got {version}");
+    Ok(Some(Refusal::new(RefusalCode::VersionMismatch, detail)))
 }

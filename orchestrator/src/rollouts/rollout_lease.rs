@@ -10,7 +10,7 @@ use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::write_tx::WriteTx;
-use crate::leases::create::{CreateLease, GrantedLease};
+use crate::leases::create::{CreateLease, GrantedLease, OwnerQuota};
 use crate::leases::end_lease::{LeaseEnd, end_lease, return_unseen};
 use crate::leases::slots::new_slots;
 use crate::metrics::LeaseEvent;
@@ -51,7 +51,7 @@ impl Change for LeaseRolloutGroup {
             policy_version: to_u32(policy.version),
             ttl_s: ROLLOUT_TTL_S,
             purpose: Purpose::Train,
-            owner: None,
+            owner: Some(OwnerQuota::SERVER),
             refill: false,
             evaluation: None,
             disclosure: Disclosure::Lease,

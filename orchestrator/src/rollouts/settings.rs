@@ -13,6 +13,7 @@ use crate::engine::error::ServiceError;
 use crate::engine::signals::Signal;
 use crate::engine::write_tx::WriteTx;
 use crate::runs::validate::check_range;
+use crate::runs::version_step::check_version_step;
 
 /// The language model of chat policies: the one that the server was started with.
 #[derive(Debug, Clone)]
@@ -67,6 +68,9 @@ impl Change for SetPolicy {
         if version < before {
             let reason = format!("must be at least {before}, the version of the run, got {version}");
             return Err(ServiceError::invalid("version", reason));
+        }
+        if let Some(version) = self.version {
+            check_version_step("version", version, run.state.policy_version)?;
         }
         let settings = to_json(&self.settings)?;
         run_policies::put(run.conn, self.run.as_str(), &self.policy, version, &settings, run.now).await?;

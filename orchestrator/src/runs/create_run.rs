@@ -5,9 +5,11 @@ use std::collections::BTreeSet;
 use api_types::RunRequest;
 use env_core::{SEED_REQUIREMENT, Seed};
 use store::ids::{RunId, random_seed, random_token};
-use store::run_tags::{self, RunTag, RunTags};
+use store::name_set::NameSet;
+use store::principals;
+use store::run_tags::{self, RunTag};
 use store::runs::{self, RunRow, RunStatus};
-use store::{to_i64, to_json, tokens};
+use store::{to_i64, to_json};
 
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
@@ -75,14 +77,16 @@ impl Change for CreateRun {
             created_at: tx.now,
             archived_at: None,
             paused_at: None,
-            tags: RunTags::default(),
+            tags: NameSet::default(),
+            owner: None,
+            members: NameSet::default(),
         };
-        if let Some(OwnerQuota { token, max }) = self.owner
-            && tokens::count_runs(&mut tx.conn, token).await? >= i64::from(max)
+        if let Some(OwnerQuota { principal, max: Some(max) }) = self.owner
+            && principals::count_runs(&mut tx.conn, principal).await? >= i64::from(max)
         {
             return Err(ServiceError::TooManyRuns(max));
         }
-        if !runs::insert(&mut tx.conn, &row, self.owner.map(|owner| owner.token)).await? {
+        if !runs::insert(&mut tx.conn, &row, self.owner.map(|owner| owner.principal)).await? {
             let exists = runs::exists(&mut tx.conn, &row.id).await?;
             return Err(if exists {
                 ServiceError::RunExists(row.id)

@@ -8,15 +8,18 @@ use store::runs;
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
+use crate::ownership::Actor;
+use crate::runs::version_step::check_version_step;
 
 /// Maximum length of a checkpoint or of notes, in characters.
 const MAX_DESCRIPTION_CHARS: usize = 2000;
 
-/// Describes a policy version. A version above the run's newest becomes the newest.
+/// Describes a policy version. A version above the run's newest becomes the newest; only an admin can describe one far above.
 #[derive(Debug)]
 pub struct DescribePolicyVersion {
     run: RunId,
     version: u32,
+    actor: Actor,
     request: PolicyVersionDescription,
 }
 
@@ -28,6 +31,7 @@ impl DescribePolicyVersion {
     pub fn from_request(
         run: RunId,
         version: u32,
+        actor: Actor,
         request: PolicyVersionDescription,
     ) -> Result<Self, ServiceError> {
         for (field, text) in [("checkpoint", &request.checkpoint), ("notes", &request.notes)] {
@@ -36,7 +40,7 @@ impl DescribePolicyVersion {
                 return Err(ServiceError::invalid(field, reason));
             }
         }
-        Ok(Self { run, version, request })
+        Ok(Self { run, version, actor, request })
     }
 }
 
@@ -46,6 +50,9 @@ impl Change for DescribePolicyVersion {
     async fn apply(self, tx: &mut WriteTx) -> Result<(), ServiceError> {
         let id = self.run.as_str();
         let run = tx.run(id).await?;
+        if !self.actor.is_admin() {
+            check_version_step("version", self.version, run.state.policy_version)?;
+        }
         let version = i64::from(self.version);
         let PolicyVersionDescription { checkpoint, notes } = self.request;
         policy_versions::put(run.conn, id, &PolicyVersionRow { version, checkpoint, notes, at: run.now })

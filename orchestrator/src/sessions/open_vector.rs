@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use env_core::TaskSpec;
 use env_core::batch::{BatchConfig, BatchError, MAX_ENVS};
-use store::ids::{LeaseId, RunId};
 use uuid::Uuid;
 
 use super::client::ClientIdentity;
@@ -19,6 +18,7 @@ use super::vector::{
     VectorSession, VectorSource, run_on,
 };
 use crate::limits::QuotaPermit;
+use crate::ownership::Actor;
 
 /// Maximum number of recipes of a lease that are measured.
 const MAX_MEASURED_RECIPES: usize = 64;
@@ -54,7 +54,7 @@ impl SessionManager {
             ));
         }
         let permit = self.acquire_vector_permit(client, &source)?;
-        let SourcedPlan { mut plan, source, pool } = self.plan_vector(&request, source).await?;
+        let SourcedPlan { mut plan, source, pool } = self.plan_vector(&request, source, client.actor).await?;
         let measure = move || plan.measure().map(|measured| (plan, measured));
         let (plan, measured) = run_on(&self.threads, measure).await.ok_or(VectorError::Lost)??;
         let (task, layout) = (plan.task, plan.layout(measured.shape)?);
@@ -103,6 +103,7 @@ impl SessionManager {
         &self,
         request: &VectorRequest,
         source: EpisodeSource,
+        actor: Actor,
     ) -> Result<SourcedPlan, VectorError> {
         let config = BatchConfig::new(request.envs, request.autoreset, request.observe);
         match source {
@@ -124,21 +125,12 @@ impl SessionManager {
                 Err(invalid("episode_id", "must be left out: a vector session runs all episodes of a lease"))
             }
             EpisodeSource::Lease { run, lease, .. } => {
-                self.plan_leased(config, request.task, run, lease).await
+                self.leases.check_run(actor, &run, None).await?;
+                let pool = self.leases.lease_pool(run.clone(), lease.clone(), actor).await?;
+                let plan = plan_pool(&pool.lock(), config, request.task)?;
+                Ok(SourcedPlan { plan, source: VectorSource::Lease { run, lease }, pool: Some(pool) })
             }
         }
-    }
-
-    async fn plan_leased(
-        &self,
-        config: BatchConfig,
-        requested_task: Option<&'static dyn TaskSpec>,
-        run: RunId,
-        lease: LeaseId,
-    ) -> Result<SourcedPlan, VectorError> {
-        let pool = self.leases.lease_pool(run.clone(), lease.clone()).await?;
-        let plan = plan_pool(&pool.lock(), config, requested_task)?;
-        Ok(SourcedPlan { plan, source: VectorSource::Lease { run, lease }, pool: Some(pool) })
     }
 
     /// Starts the reporter of a leased session.

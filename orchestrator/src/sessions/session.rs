@@ -255,7 +255,7 @@ impl Session {
         if !self.client.may_use_runs {
             return Err(runs_not_allowed());
         }
-        self.leases.reserve(source).await
+        self.leases.reserve(source, self.client.actor).await
     }
 }
 

@@ -425,7 +425,7 @@ class Leases:
         self._send = send
 
     def list(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.LeasePage:
-        """List the leases of a run, oldest first.
+        """List the leases of a run that belong to the principal of the token, oldest first.
 
         Args:
             limit: Largest number of items on a page, from 1 to 500 (default 50).
@@ -589,6 +589,11 @@ class Runs:
     def archive(self, run: str) -> types.RunSummary:
         """Archive a run."""
         response: types.RunSummary = self._send("POST", f"/v1/runs/{_segment(run)}/archive", {}, None, is_repeatable=True)
+        return response
+
+    def set_members(self, run: str, **body: Unpack[types.RunMembersRequest]) -> types.RunSummary:
+        """Replace the members of a run."""
+        response: types.RunSummary = self._send("PUT", f"/v1/runs/{_segment(run)}/members", {}, body, is_repeatable=True)
         return response
 
     def get_overview(self, run: str) -> types.RunOverview:
@@ -1152,7 +1157,7 @@ class AsyncLeases:
         self._send = send
 
     async def list(self, run: str, *, limit: int | None = None, cursor: str | None = None) -> types.LeasePage:
-        """List the leases of a run, oldest first.
+        """List the leases of a run that belong to the principal of the token, oldest first.
 
         Args:
             limit: Largest number of items on a page, from 1 to 500 (default 50).
@@ -1320,6 +1325,11 @@ class AsyncRuns:
     async def archive(self, run: str) -> types.RunSummary:
         """Archive a run."""
         response: types.RunSummary = await self._send("POST", f"/v1/runs/{_segment(run)}/archive", {}, None, is_repeatable=True)
+        return response
+
+    async def set_members(self, run: str, **body: Unpack[types.RunMembersRequest]) -> types.RunSummary:
+        """Replace the members of a run."""
+        response: types.RunSummary = await self._send("PUT", f"/v1/runs/{_segment(run)}/members", {}, body, is_repeatable=True)
         return response
 
     async def get_overview(self, run: str) -> types.RunOverview:

@@ -960,6 +960,7 @@ RefusalCode: TypeAlias = Literal[
     "bad_id",
     "unknown_episode",
     "foreign_episode",
+    "foreign_lease",
     "invalid_result",
     "invalid_log",
     "conflict",
@@ -1041,6 +1042,15 @@ RolloutRequest = TypedDict(
 )
 
 
+class RunMembersRequest(TypedDict):
+    """Members of a run, and its owner."""
+
+    members: list[str]
+    """All principals that may take part in the run beside its owner, at most 100."""
+    owner: NotRequired[str | None]
+    """Principal that becomes the owner (default: the owner stays). Only an admin can set it."""
+
+
 class RunParams(TypedDict):
     """Current params of a run, by task."""
 
@@ -1107,8 +1117,12 @@ class RunSummary(TypedDict):
     """Time of creation, RFC 3339."""
     id: str
     """Id of the run."""
+    members: list[str]
+    """Principals that may take part in the run beside its owner, in alphabetical order. In a run without an owner, every trainer may."""
     name: str
     """Name of the run for people."""
+    owner: NotRequired[str | None]
+    """Principal that owns the run; null if the run was created without authentication."""
     policy_version: int
     """Newest policy version that the trainer reported."""
     seed: int

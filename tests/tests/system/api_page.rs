@@ -55,7 +55,9 @@ fn operation_section(path: &str, method: &str, operation: &Value) -> String {
             }
         }
     }
-    let role = operation["security"][0]["token"][0].as_str().unwrap_or("none");
+    let scopes = operation["security"][0]["token"].as_array();
+    let scopes: Vec<&str> = scopes.into_iter().flatten().filter_map(Value::as_str).collect();
+    let role = if scopes.is_empty() { "none".to_owned() } else { scopes.join(", ") };
     section.push_str(&wrap(&format!("- Operation `{}`, role: {role}", id(operation)), "  "));
     let query: Vec<String> = operation["parameters"]
         .as_array()

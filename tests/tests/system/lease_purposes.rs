@@ -41,7 +41,9 @@ async fn policy_version_can_be_set_back() {
     let id = create_run(&api, settings).await;
     let lease = api.lease(&id, json!({"groups": 3, "policy_version": 5})).await;
     let (results, path) = (lease.results("hold"), format!("/v1/runs/{id}/results"));
-    let wrong = json!({"policy_version": 4_000_000_000_u32, "results": [results[0]]});
+    let absurd = json!({"policy_version": 4_000_000_000_u32, "results": [results[0]]});
+    assert_eq!(api.post(&path, absurd).await.expect(422)["field"], "policy_version");
+    let wrong = json!({"policy_version": 400_000, "results": [results[0]]});
     assert_eq!(statuses(&api.post(&path, wrong).await.expect(200)), ["counted"]);
     assert_eq!(statuses(&api.post(&path, json!({"results": [results[1]]})).await.expect(200)), ["stored"]);
 

@@ -4,6 +4,8 @@ use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::time::Duration;
 
+use axum::RequestExt;
+use axum::extract::{RawPathParams, Request};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 use sqlx::SqlitePool;
 use store::role::Role;
@@ -20,6 +22,7 @@ use crate::limits::constants::{
     AUDITED_DENIALS_PER_SECOND, AUDITED_DENIALS_PER_SECOND_AND_ADDRESS, TOKEN_LOOKUPS_PER_SECOND,
 };
 use crate::limits::{ClientLimits, RateLimit};
+use crate::ownership::{self, Actor};
 use crate::sessions::ClientIdentity;
 use crate::tokens::Token;
 use clock::{Clock, Millis};
@@ -138,11 +141,32 @@ impl AccessControl {
         self.address_rate.check(&address).map_err(Problem::from)?;
         match permission {
             Permission::OpenEnv(_) if self.openenv_public => Ok(anonymous(address)),
-            Permission::Public | Permission::OpenEnv(_) | Permission::Token(_) => Err(unauthenticated(
+            _ => Err(unauthenticated(
                 "the request needs a token: `Authorization: Bearer sparring_…`; create one with `sparring token create`",
             )
             .into()),
         }
+    }
+
+    /// Checks that a client has the permission for the run in the path of its request, if the operation requires one.
+    pub(super) async fn check_run(
+        &self,
+        permission: Permission,
+        caller: &Caller,
+        request: &mut Request,
+    ) -> Result<(), AccessDenied> {
+        let Permission::Run(required) = permission else { return Ok(()) };
+        if caller.actor().is_admin() {
+            return Ok(());
+        }
+        // The handler rejects an invalid id and an unknown run.
+        let params = request.extract_parts::<RawPathParams>().await.ok();
+        let run =
+            params.iter().flatten().find(|(name, _)| *name == "run").and_then(|(_, id)| id.parse().ok());
+        let Some(run) = run else { return Ok(()) };
+        let mut conn = self.readers.acquire().await.map_err(Problem::from)?;
+        let checked = ownership::check_run(&mut conn, caller.actor(), &run, required).await;
+        checked.map_err(|error| AccessDenied { problem: error.into(), token: caller.identity.token })
     }
 
     /// Identifies a client by its token and checks its role and rate.
@@ -162,16 +186,19 @@ impl AccessControl {
         let denied = |problem| AccessDenied { problem, token: Some(token.id) };
         let name: Arc<str> = format!("token {}", token.id).into();
         self.token_rate.check(&name).map_err(|limited| denied(limited.into()))?;
-        let is_sufficient = match permission {
-            Permission::Public => true,
-            Permission::Token(role) => token.role >= role,
-            Permission::OpenEnv(role) => self.openenv_public || token.role >= role,
-        };
+        let is_open = self.openenv_public && matches!(permission, Permission::OpenEnv(_));
+        let is_sufficient = is_open || permission.role().is_none_or(|role| token.role >= role);
         if !is_sufficient {
             return Err(denied(forbidden(permission, token.role)));
         }
         let may_use_runs = token.role >= Role::Trainer;
-        Ok(Caller { identity: ClientIdentity { name: Some(name), token: Some(token.id), may_use_runs } })
+        let actor = match token.role {
+            Role::Admin => Actor::Admin(token.principal),
+            Role::Trainer | Role::Viewer => Actor::Principal(token.principal),
+        };
+        Ok(Caller {
+            identity: ClientIdentity { name: Some(name), actor, token: Some(token.id), may_use_runs },
+        })
     }
 
     /// Returns true if the audit log records the request. Denials are recorded at a limited rate.
@@ -235,7 +262,7 @@ impl AccessControl {
             let (writer, id) = (self.writer.clone(), row.id);
             tokio::spawn(async move { writer.change(TouchToken(id)).await });
         }
-        Some(ValidToken { id: row.id, role: row.role, expires_at: row.expires_at })
+        Some(ValidToken { id: row.id, principal: row.principal, role: row.role, expires_at: row.expires_at })
     }
 }
 
@@ -247,7 +274,8 @@ fn parse_token(authorization: &HeaderValue) -> Option<Token> {
 
 /// Returns the caller of a request without a token.
 fn anonymous(address: Arc<str>) -> Caller {
-    Caller { identity: ClientIdentity { name: Some(address), token: None, may_use_runs: false } }
+    let name = Some(address);
+    Caller { identity: ClientIdentity { name, actor: Actor::Anonymous, token: None, may_use_runs: false } }
 }
 
 /// Returns the key by which an address is limited.
@@ -268,9 +296,7 @@ fn unauthenticated(detail: &str) -> Problem {
 }
 
 fn forbidden(permission: Permission, role: Role) -> Problem {
-    let (Permission::Token(required) | Permission::OpenEnv(required)) = permission else {
-        return Problem::internal();
-    };
+    let Some(required) = permission.role() else { return Problem::internal() };
     let detail =
         format!("the operation needs a token with the role {required}; this token has the role {role}");
     Problem::new(StatusCode::FORBIDDEN, "forbidden", detail)

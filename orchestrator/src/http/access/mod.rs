@@ -12,6 +12,7 @@ mod permissions;
 pub use self::control::{AccessConfig, AccessControl};
 pub(super) use self::permissions::{Permission, find_operation};
 use crate::leases::create::OwnerQuota;
+use crate::ownership::Actor;
 use crate::sessions::ClientIdentity;
 
 /// Client that sent a request.
@@ -22,8 +23,13 @@ pub(super) struct Caller {
 }
 
 impl Caller {
+    /// Principal and rights of the client.
+    pub(super) const fn actor(&self) -> Actor {
+        self.identity.actor
+    }
+
     /// Returns the owner of what the client creates, with its limit of `max`. `None` without a token.
     pub(super) fn owner_quota(&self, max: u32) -> Option<OwnerQuota> {
-        self.identity.token.map(|token| OwnerQuota { token, max })
+        self.actor().principal().map(|principal| OwnerQuota { principal, max: Some(max) })
     }
 }

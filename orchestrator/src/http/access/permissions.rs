@@ -4,6 +4,8 @@ use axum::http::Method;
 
 use store::role::Role::{self, Admin, Trainer, Viewer};
 
+use crate::ownership::RunPermission;
+
 /// Permission that an operation requires.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Permission {
@@ -13,6 +15,19 @@ pub(crate) enum Permission {
     Token(Role),
     /// A token of this role or a higher one, unless OpenEnv's routes are public.
     OpenEnv(Role),
+    /// A trainer's token whose principal has this permission for the run of the path, or an admin's token.
+    Run(RunPermission),
+}
+
+impl Permission {
+    /// Lowest role that the permission requires; `None` if it requires no token.
+    pub(crate) const fn role(self) -> Option<Role> {
+        match self {
+            Self::Public => None,
+            Self::Token(role) | Self::OpenEnv(role) => Some(role),
+            Self::Run(_) => Some(Trainer),
+        }
+    }
 }
 
 /// Operation of the API with its permission.
@@ -42,6 +57,16 @@ const fn read(path: &'static str) -> Operation {
 
 const fn train(method: &'static str, path: &'static str) -> Operation {
     Operation { method, path, permission: Permission::Token(Trainer), audited: false }
+}
+
+/// Operation for the owner and the members of a run.
+const fn take_part(method: &'static str, path: &'static str) -> Operation {
+    Operation { method, path, permission: Permission::Run(RunPermission::TakePart), audited: false }
+}
+
+/// Operation for the owner of a run; the audit log records it.
+const fn change(method: &'static str, path: &'static str) -> Operation {
+    Operation { method, path, permission: Permission::Run(RunPermission::Change), audited: true }
 }
 
 /// Operation that changes a run permanently; the audit log records it.
@@ -112,18 +137,18 @@ const OPERATIONS: &[Operation] = &[
     read("/v1/runs/{run}/policy"),
     read("/v1/runs/{run}/policy_versions"),
     // A lease shows the bracket of its scenarios, which only trainers may see.
-    train("GET", "/v1/runs/{run}/leases"),
-    train("GET", "/v1/runs/{run}/leases/{lease}"),
-    train("GET", "/v1/runs/{run}/leases/{lease}/columns"),
-    train("GET", "/v1/runs/{run}/leases/{lease}/columns/entries"),
-    train("POST", "/v1/runs/{run}/leases"),
-    train("POST", "/v1/runs/{run}/leases/{lease}/columns"),
-    train("POST", "/v1/runs/{run}/leases/{lease}/groups/begin"),
-    train("POST", "/v1/runs/{run}/leases/{lease}/renew"),
-    train("POST", "/v1/runs/{run}/leases/{lease}/release"),
-    train("POST", "/v1/runs/{run}/results"),
-    train("GET", "/v1/runs/{run}/trajectories"),
-    train("POST", "/v1/runs/{run}/trajectories/ack"),
+    take_part("GET", "/v1/runs/{run}/leases"),
+    take_part("GET", "/v1/runs/{run}/leases/{lease}"),
+    take_part("GET", "/v1/runs/{run}/leases/{lease}/columns"),
+    take_part("GET", "/v1/runs/{run}/leases/{lease}/columns/entries"),
+    take_part("POST", "/v1/runs/{run}/leases"),
+    take_part("POST", "/v1/runs/{run}/leases/{lease}/columns"),
+    take_part("POST", "/v1/runs/{run}/leases/{lease}/groups/begin"),
+    take_part("POST", "/v1/runs/{run}/leases/{lease}/renew"),
+    take_part("POST", "/v1/runs/{run}/leases/{lease}/release"),
+    take_part("POST", "/v1/runs/{run}/results"),
+    take_part("GET", "/v1/runs/{run}/trajectories"),
+    take_part("POST", "/v1/runs/{run}/trajectories/ack"),
     train("GET", "/v1/sessions"),
     train("POST", "/v1/scenarios"),
     // A rollout stores nothing and shows nothing of a run. A client that may see a layout may see its rollout.
@@ -131,10 +156,11 @@ const OPERATIONS: &[Operation] = &[
     audited("POST", "/v1/runs", Trainer),
     audited("POST", "/v1/evaluations", Trainer),
     audited("POST", "/v1/evaluations/{evaluation}/cancel", Trainer),
-    audited("PUT", "/v1/runs/{run}/policy", Trainer),
-    audited("PUT", "/v1/runs/{run}/policy_version", Trainer),
-    audited("PUT", "/v1/runs/{run}/policy_versions/{version}", Trainer),
-    audited("PUT", "/v1/runs/{run}/tags", Trainer),
+    change("PUT", "/v1/runs/{run}/policy"),
+    change("PUT", "/v1/runs/{run}/policy_version"),
+    change("PUT", "/v1/runs/{run}/policy_versions/{version}"),
+    change("PUT", "/v1/runs/{run}/tags"),
+    change("PUT", "/v1/runs/{run}/members"),
     audited("PUT", "/v1/runs/{run}/retention", Admin),
     audited("DELETE", "/v1/runs/{run}", Admin),
     audited("PATCH", "/v1/runs/{run}", Admin),

@@ -2,12 +2,14 @@
 
 use crate::api_enums::ConvertEnum;
 use api_types::{AuditedGroup, ClaimedColumns, ColumnClaim, ColumnsRequest};
+use axum::Extension;
 use axum::extract::{Request, State};
 use serde::Deserialize;
 use store::ids::{EpisodeId, LeaseId};
 use store::leases::LeaseRow;
 
 use crate::engine::error::ServiceError;
+use crate::http::access::Caller;
 use crate::http::blocking::run_blocking;
 use crate::http::extract::{EncodedBody, NoQuery, Path};
 use crate::http::large_body::{LargeBody, receive_large_body};
@@ -15,7 +17,7 @@ use crate::http::number_column::{NumberColumn, optional_u32, parse_columns};
 use crate::http::path_ids::{parse_id, parse_run_id};
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
-use crate::leases::find::find_lease;
+use crate::leases::find::find_own_lease;
 use crate::results::columns::claim as column_claims;
 use crate::results::columns::status::{self, ClaimStatus};
 use crate::results::columns::table::Columns;
@@ -101,13 +103,15 @@ fn claim_from_status(status: ClaimStatus) -> ColumnClaim {
 pub(super) async fn claim_columns(
     _: NoQuery,
     State(app): State<AppState>,
+    Extension(caller): Extension<Caller>,
     Path((run, lease)): Path<(String, String)>,
     request: Request,
 ) -> Result<axum::Json<ColumnClaim>, Problem> {
     let (run, lease) = (parse_run_id(&run)?, parse_id("lease", &lease)?);
     let LargeBody { body, permit: _permit } = receive_large_body(&app.body_limit, request).await?;
     let (policy_version, columns) = run_blocking(move || read_columns(body)).await?;
-    let status = column_claims::claim(&app.lease_service, run, lease, policy_version, columns).await?;
+    let actor = caller.actor();
+    let status = column_claims::claim(&app.lease_service, run, lease, actor, policy_version, columns).await?;
     Ok(axum::Json(claim_from_status(status)))
 }
 
@@ -133,11 +137,12 @@ fn read_columns(EncodedBody { format, bytes }: EncodedBody) -> Result<(Option<u3
 pub(super) async fn get_claimed_columns(
     _: NoQuery,
     State(app): State<AppState>,
+    Extension(caller): Extension<Caller>,
     Path((run, lease)): Path<(String, String)>,
 ) -> Result<axum::Json<ClaimedColumns>, Problem> {
     let (run, lease) = (parse_run_id(&run)?, parse_id("lease", &lease)?);
     let mut conn = app.readers.acquire().await?;
-    let row = find_lease(&mut conn, &run, &lease).await?;
+    let row = find_own_lease(&mut conn, &run, &lease, caller.actor()).await?;
     check_kept(&row)?;
     let claimed = status::claimed_columns(&mut conn, row.id).await?.ok_or_else(no_columns)?;
     let (state, Columns { scores, failed, steps }) = (claimed.state.convert(), claimed.columns);
@@ -166,11 +171,12 @@ fn no_columns() -> Problem {
 pub(super) async fn get_column_claim(
     _: NoQuery,
     State(app): State<AppState>,
+    Extension(caller): Extension<Caller>,
     Path((run, lease)): Path<(String, String)>,
 ) -> Result<axum::Json<ColumnClaim>, Problem> {
     let (run, lease) = (parse_run_id(&run)?, parse_id("lease", &lease)?);
     let mut conn = app.readers.acquire().await?;
-    let row = find_lease(&mut conn, &run, &lease).await?;
+    let row = find_own_lease(&mut conn, &run, &lease, caller.actor()).await?;
     check_kept(&row)?;
     Ok(axum::Json(claim_from_status(status::claim_status(&mut conn, row).await?.ok_or_else(no_columns)?)))
 }

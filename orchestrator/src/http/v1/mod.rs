@@ -23,6 +23,7 @@ mod policy_versions;
 mod results;
 mod retention;
 mod rollout;
+mod run_members;
 mod run_settings;
 mod run_tags;
 mod run_update;
@@ -45,6 +46,7 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(runs::create_run, runs::list_runs))
         .routes(routes!(runs::get_run, run_update::update_run, runs::delete_run))
         .routes(routes!(run_tags::set_tags))
+        .routes(routes!(run_members::set_members))
         .routes(routes!(runs::pause_run))
         .routes(routes!(runs::archive_run))
         .routes(routes!(runs::resume_run))

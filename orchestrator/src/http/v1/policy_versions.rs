@@ -3,10 +3,12 @@
 use api_types::{
     PageQuery, PolicyVersion, PolicyVersionDescription, PolicyVersionPage, PolicyVersionResults,
 };
+use axum::Extension;
 use axum::extract::State;
 use store::policy_versions::{self, PolicyVersionRow, VersionResult};
 use store::runs;
 
+use crate::http::access::Caller;
 use crate::http::extract::{Json, NoQuery, Path, Query};
 use crate::http::paging::{PageCursor, next_cursor, number_before, page_limit};
 use crate::http::path_ids::parse_run_id;
@@ -85,7 +87,8 @@ pub(super) async fn list_policy_versions(
 
 /// Describe a policy version of a run: the location of its weights, and notes.
 ///
-/// A new description replaces the old one. A version above the newest becomes the newest.
+/// A new description replaces the old one. A version above the newest becomes the newest. A version more than 1 000 000 above it is
+/// rejected, unless an admin sends it.
 #[utoipa::path(
     put, path = "/runs/{run}/policy_versions/{version}", tag = "runs", request_body = PolicyVersionDescription,
     params(
@@ -100,6 +103,7 @@ pub(super) async fn list_policy_versions(
 pub(super) async fn describe_policy_version(
     _: NoQuery,
     State(app): State<AppState>,
+    Extension(caller): Extension<Caller>,
     Path((run, number)): Path<(String, String)>,
     Json(request): Json<PolicyVersionDescription>,
 ) -> Result<axum::Json<PolicyVersion>, Problem> {
@@ -107,7 +111,8 @@ pub(super) async fn describe_policy_version(
     let number: u32 = number
         .parse()
         .map_err(|_| Problem::invalid("version", format!("must be an integer from 0 to {}", u32::MAX)))?;
-    app.writer.change(DescribePolicyVersion::from_request(run.clone(), number, request)?).await?;
+    let change = DescribePolicyVersion::from_request(run.clone(), number, caller.actor(), request)?;
+    app.writer.change(change).await?;
     let mut conn = acquire_run_reader(&app, &run).await?;
     let (name, number) = (run.as_str(), i64::from(number));
     let newest = runs::get(&mut conn, name).await?.map_or(0, |row| row.policy_version);

@@ -4,12 +4,14 @@ use api_types::{
     ActionPrecision, ActionStopReason, EpisodeResult, EpisodeResultStatus, RefusalCode, ResultsRequest,
     ResultsResponse,
 };
+use axum::Extension;
 use axum::extract::{Request, State};
 use env_core::StopReason;
 use env_core::log::Precision;
 use serde_json::Value;
 use store::to_json;
 
+use crate::http::access::Caller;
 use crate::http::blocking::run_blocking;
 use crate::http::extract::{EncodedBody, Json, NoQuery, Path};
 use crate::http::large_body::{LargeBody, receive_large_body};
@@ -30,7 +32,7 @@ const MAX_REASON_CHARS: usize = 1000;
 /// Report results of episodes.
 ///
 /// Each result has its own receipt; a refused result does not affect the others. A repeated result returns the same receipt and
-/// counts once. The server responds after the commit.
+/// counts once. A result for another principal's lease is refused (`foreign_lease`). The server responds after the commit.
 #[utoipa::path(
     post, path = "/runs/{run}/results", tag = "results", request_body = ResultsRequest,
     params(("run" = String, Path, description = "The run's id.")),
@@ -44,13 +46,14 @@ const MAX_REASON_CHARS: usize = 1000;
 pub(super) async fn report_results(
     _: NoQuery,
     State(app): State<AppState>,
+    Extension(caller): Extension<Caller>,
     Path(run): Path<String>,
     request: Request,
 ) -> Result<axum::Json<ResultsResponse>, Problem> {
     let run = parse_run_id(&run)?;
     let LargeBody { body, permit: _permit } = receive_large_body(&app.body_limit, request).await?;
     let (policy_version, episodes) = run_blocking(move || read_report(body)).await?;
-    let report = app.lease_service.submit_results(run, policy_version, episodes).await?;
+    let report = app.lease_service.submit_results(run, caller.actor(), policy_version, episodes).await?;
     let ReportReceipts { receipts, summary } = report;
     let ReportSummary { moves, groups, refills } = summary;
     Ok(axum::Json(ResultsResponse { results: receipts, moves, groups, refills }))

@@ -46,6 +46,8 @@ pub(super) fn run_from_row(row: RunRow) -> Result<RunSummary, Problem> {
         archived_at: row.archived_at.map(rfc3339),
         policy_version: row.policy_version,
         tags: row.tags.0.into_iter().collect(),
+        owner: row.owner,
+        members: row.members.0.into_iter().collect(),
     })
 }
 
@@ -212,7 +214,7 @@ pub(super) async fn delete_run(
 /// Set the newest policy version of a run.
 ///
 /// Leases and results raise it automatically. If a trainer reports a version by mistake, later results are stale (`max_staleness`)
-/// until this request corrects the version.
+/// until this request corrects the version. A version more than 1 000 000 above the newest is rejected, unless an admin sends it.
 #[utoipa::path(
     put, path = "/runs/{run}/policy_version", tag = "runs", request_body = PolicyVersionRequest,
     params(("run" = String, Path, description = "The run's id.")),
@@ -225,10 +227,12 @@ pub(super) async fn delete_run(
 pub(super) async fn set_policy_version(
     _: NoQuery,
     State(app): State<AppState>,
+    Extension(caller): Extension<Caller>,
     Path(run): Path<String>,
     Json(request): Json<PolicyVersionRequest>,
 ) -> Result<axum::Json<RunSummary>, Problem> {
-    let change = SetPolicyVersion { run: parse_run_id(&run)?, policy_version: request.policy_version };
+    let (run, actor) = (parse_run_id(&run)?, caller.actor());
+    let change = SetPolicyVersion { run, policy_version: request.policy_version, actor };
     Ok(axum::Json(run_from_row(app.writer.change(change).await?)?))
 }
 

@@ -16,35 +16,41 @@ use crate::engine::event::RunEvent;
 use crate::engine::write_tx::WriteTx;
 use crate::leases::audit_sample::RecipeRange;
 use crate::leases::create::counts_as_evidence;
-use crate::leases::find::find_lease;
+use crate::leases::find::{find_lease, find_own_lease};
 use crate::leases::lease_service::LeaseService;
+use crate::ownership::Actor;
 use crate::results::columns::sample::{claimed_scores, take_sample};
 use crate::results::columns::settle::settle;
 use crate::results::columns::status::{ClaimStatus, claim_status_of};
 use crate::results::columns::table::{Columns, range_episodes, range_totals};
+use crate::runs::version_step::check_version_step;
 
 /// Stores the columns of a lease, and discloses the groups to audit. The answer is sent after the commit. The same columns again receive
 /// the same answer.
 ///
 /// # Errors
 /// Returns [`ServiceError::Invalid`] if the columns do not fit the lease, [`ServiceError::ColumnsConflict`] if they differ from the
-/// columns that were sent before, and [`ServiceError::LeaseClosed`] if the lease has ended.
+/// columns that were sent before, [`ServiceError::LeaseClosed`] if the lease has ended, and [`ServiceError::ForeignLease`] if it belongs
+/// to another principal than `actor`.
 pub async fn claim(
     lease_service: &LeaseService,
     run: RunId,
     lease: LeaseId,
+    actor: Actor,
     policy_version: Option<u32>,
     columns: Columns,
 ) -> Result<ClaimStatus, ServiceError> {
     let mut conn = lease_service.readers.acquire().await?;
-    if !runs::exists(&mut conn, run.as_str()).await? {
-        return Err(ServiceError::UnknownRun(run.to_string()));
-    }
-    let row = find_lease(&mut conn, &run, &lease).await?;
+    let stored = runs::get(&mut conn, run.as_str()).await?;
+    let stored = stored.ok_or_else(|| ServiceError::UnknownRun(run.to_string()))?;
+    let row = find_own_lease(&mut conn, &run, &lease, actor).await?;
     if !row.is_columns() {
         let why =
             "is a lease of groups; report its episodes as results, or create a lease with `form: columns`";
         return Err(ServiceError::invalid("lease", why));
+    }
+    if let Some(version) = policy_version {
+        check_version_step("policy_version", version, stored.policy_version)?;
     }
     columns.check(usize::try_from(row.episodes()).unwrap_or_default())?;
     let columns = columns.canonical();

@@ -6,37 +6,38 @@
 pub(super) mod pool;
 mod reservation;
 mod run_end;
+mod stored_lease;
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
 
 use api_types::ResultReceipt;
 use parking_lot::Mutex;
-use sqlx::SqliteConnection;
 use store::ids::{EpisodeId, LeaseId, RunId};
-use store::leases::{Disclosure, LeaseRow, Purpose};
-use store::runs::{self, RunRow};
-use store::scenarios::ScenarioLoader;
+use store::leases::{Disclosure, Purpose};
+use store::principals::PrincipalId;
 use store::step_verdicts::StepVerdictRow;
-use store::{StoreError, episodes, from_json, groups, to_u32};
+use store::{StoreError, episodes, from_json, to_u32};
 use tokio::sync::OnceCell;
 use tokio::task::JoinSet;
 use tokio::time::Instant;
 
-use self::pool::{EpisodePool, PoolGroup, PooledEpisode};
+use self::pool::{EpisodePool, PooledEpisode};
 pub(super) use self::reservation::EpisodeReservation;
 use self::run_end::{RunEnd, RunEnds};
+use self::stored_lease::{find_active, find_run, load_groups};
 use super::session_request::EpisodeSource;
 use crate::engine::error::ServiceError;
 use crate::leases::begin::BeginGroups;
-use crate::leases::create::CreateLease;
-use crate::leases::find::find_lease;
+use crate::leases::create::{CreateLease, OwnerQuota};
 use crate::leases::lease_service::LeaseService;
 use crate::leases::renew::RenewLease;
+use crate::ownership::{self, Actor, RunPermission, check_lease};
 use crate::results::reported::ReportedEpisode;
 use crate::results::store_verdict::StoreVerdict;
 use crate::runs::settings::RunSettings;
+use crate::runs::version_step::check_version_step;
 use crate::sessions::abandon::AbandonEpisodes;
 
 /// Time after which a session's own lease expires without a renewal, in seconds.
@@ -54,8 +55,8 @@ pub(crate) type SharedPool = Arc<Mutex<EpisodePool>>;
 /// Key of a shared pool.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 enum PoolKey {
-    /// Run and name of a group: its sessions share one lease that the server takes.
-    Group(RunId, String),
+    /// Run, principal of the clients, and name of a group: its sessions share one lease that the server takes.
+    Group(RunId, Option<PrincipalId>, String),
     /// Lease that a client took.
     Lease(RunId, LeaseId),
 }
@@ -64,7 +65,7 @@ impl PoolKey {
     /// Returns the id of the run.
     const fn run(&self) -> &RunId {
         match self {
-            Self::Group(run, _) | Self::Lease(run, _) => run,
+            Self::Group(run, ..) | Self::Lease(run, _) => run,
         }
     }
 }
@@ -98,16 +99,22 @@ impl SessionLeases {
         &self.lease_service
     }
 
-    /// Reserves an episode of a run or of a lease.
+    /// Reserves an episode of a run or of a lease for a client.
     ///
     /// # Errors
-    /// Returns an error if sessions may not use runs, no lease can be taken, or the lease has no matching free episode.
+    /// Returns an error if sessions may not use runs, the client may not use this run or lease, no lease can be taken, or the lease has no matching free episode.
     pub(super) async fn reserve(
         self: &Arc<Self>,
         source: EpisodeSource,
+        actor: Actor,
     ) -> Result<EpisodeReservation, ServiceError> {
         if !self.allow_runs {
             return Err(runs_not_allowed());
+        }
+        if let EpisodeSource::Run { run, policy_version, .. }
+        | EpisodeSource::Lease { run, policy_version, .. } = &source
+        {
+            self.check_run(actor, run, *policy_version).await?;
         }
         match source {
             EpisodeSource::Scenario(_) => Err(ServiceError::invalid("run", "it is missing")),
@@ -118,7 +125,7 @@ impl SessionLeases {
                 reserved.map(|episode| episode.with_policy_version(policy_version))
             }
             EpisodeSource::Run { run, group: Some(group), group_size, policy_version } => {
-                let cell = self.pool_cell(PoolKey::Group(run.clone(), group.clone()));
+                let cell = self.pool_cell(PoolKey::Group(run.clone(), actor.principal(), group.clone()));
                 let lease = || async {
                     let pool = self.lease_group(run, group_size, policy_version).await?;
                     Ok::<_, ServiceError>(Arc::new(Mutex::new(pool)))
@@ -129,7 +136,7 @@ impl SessionLeases {
                 reserved.map(|episode| episode.with_policy_version(policy_version))
             }
             EpisodeSource::Lease { run, lease, group, episode, policy_version } => {
-                let pool = self.lease_pool(run, lease).await?;
+                let pool = self.lease_pool(run, lease, actor).await?;
                 let unbegun = pool.lock().unbegun_group(group.as_deref(), episode.as_ref());
                 self.begin(&pool, unbegun.into_iter().collect()).await?;
                 let reserved = self.reserve_in(pool, group.as_deref(), episode.as_ref(), false);
@@ -141,8 +148,13 @@ impl SessionLeases {
     /// Returns the pool of a lease that a client took; all sessions with episodes of the lease share it.
     ///
     /// # Errors
-    /// Returns an error if sessions may not use runs, the lease is unknown or over, or its episodes are columns.
-    pub(super) async fn lease_pool(&self, run: RunId, lease: LeaseId) -> Result<SharedPool, ServiceError> {
+    /// Returns an error if sessions may not use runs, the lease is unknown, over or another principal's, or its episodes are columns.
+    pub(super) async fn lease_pool(
+        &self,
+        run: RunId,
+        lease: LeaseId,
+        actor: Actor,
+    ) -> Result<SharedPool, ServiceError> {
         if !self.allow_runs {
             return Err(runs_not_allowed());
         }
@@ -156,9 +168,23 @@ impl SessionLeases {
         // A known lease may have ended since it was loaded, or its trainer may have reported episodes.
         let mut conn = self.lease_service.readers.acquire().await.map_err(StoreError::from)?;
         let row = find_active(&mut conn, &run, &lease).await?;
+        check_lease(actor, &row)?;
         let reported = episodes::reported(&mut conn, row.id).await?.into_iter().collect();
         pool.lock().remove_reported(&reported);
         Ok(pool)
+    }
+
+    /// Checks that an actor may take part in a run, and the policy version that its request names.
+    pub(super) async fn check_run(
+        &self,
+        actor: Actor,
+        run: &RunId,
+        policy_version: Option<u32>,
+    ) -> Result<(), ServiceError> {
+        let mut conn = self.lease_service.readers.acquire().await.map_err(StoreError::from)?;
+        ownership::check_run(&mut conn, actor, run, RunPermission::TakePart).await?;
+        let Some(version) = policy_version else { return Ok(()) };
+        check_version_step("policy_version", version, find_run(&mut conn, run).await?.policy_version)
     }
 
     /// Ends the episodes of a deleted run, and forgets its pools.
@@ -177,7 +203,8 @@ impl SessionLeases {
             let previous = std::mem::replace(&mut pool.renewed_at, Instant::now());
             (pool.run.clone(), pool.lease.clone(), previous)
         };
-        if let Err(error) = self.lease_service.writer.change(RenewLease { run, lease: lease.clone() }).await {
+        let renew = RenewLease { run, lease: lease.clone(), actor: Actor::Server };
+        if let Err(error) = self.lease_service.writer.change(renew).await {
             if error.is_temporary() {
                 pool.lock().renewed_at = previous; // the next step tries again
             }
@@ -208,7 +235,7 @@ impl SessionLeases {
             let pool = pool.lock();
             (pool.run.clone(), pool.lease.clone())
         };
-        let change = BeginGroups { run, lease, groups: numbers.clone() };
+        let change = BeginGroups { run, lease, groups: numbers.clone(), actor: Actor::Server };
         self.lease_service.writer.change(change).await?;
         pool.lock().set_begun(&numbers);
         Ok(())
@@ -260,7 +287,10 @@ impl SessionLeases {
         let mut retries = 0;
         loop {
             let reported = match self.store_abandoned(pool).await {
-                Ok(()) => self.lease_service.submit_results(run.clone(), None, claims.to_vec()).await,
+                Ok(()) => {
+                    let (run, claims) = (run.clone(), claims.to_vec());
+                    self.lease_service.submit_results(run, Actor::Server, None, claims).await
+                }
                 Err(error) => Err(error),
             };
             match reported {
@@ -358,7 +388,7 @@ impl SessionLeases {
             policy_version,
             ttl_s: SESSION_LEASE_TTL_S,
             purpose: Purpose::Train,
-            owner: None,
+            owner: Some(OwnerQuota::SERVER),
             refill: false,
             evaluation: None,
             disclosure: Disclosure::Lease,
@@ -413,40 +443,4 @@ fn check_group_size(pool: &SharedPool, group: &str, wanted: Option<u32>) -> Resu
         }
         _ => Ok(()),
     }
-}
-
-async fn find_run(conn: &mut SqliteConnection, run: &RunId) -> Result<RunRow, ServiceError> {
-    let row = runs::get(conn, run.as_str()).await?;
-    row.ok_or_else(|| ServiceError::UnknownRun(run.to_string()))
-}
-
-/// Finds a lease and checks that it is active.
-async fn find_active(
-    conn: &mut SqliteConnection,
-    run: &RunId,
-    lease: &LeaseId,
-) -> Result<LeaseRow, ServiceError> {
-    let row = find_lease(conn, run, lease).await?;
-    if row.is_active() {
-        Ok(row)
-    } else {
-        Err(ServiceError::LeaseClosed { lease: lease.to_string(), status: row.status })
-    }
-}
-
-/// Loads the groups of a lease with the indices of their unreported episodes.
-async fn load_groups(conn: &mut SqliteConnection, lease: &LeaseRow) -> Result<Vec<PoolGroup>, ServiceError> {
-    let reported: BTreeSet<i64> = episodes::reported(conn, lease.id).await?.into_iter().collect();
-    let rows = groups::of_lease(conn, lease.id).await?;
-    let ids: Vec<_> = rows.iter().map(|group| &group.scenario).collect();
-    let scenarios = ScenarioLoader::default().all(conn, &ids).await?;
-    let mut groups = Vec::with_capacity(rows.len());
-    for group in rows {
-        let scenario = scenarios.get(&group.scenario)?.clone();
-        let first = group.number * lease.group_size;
-        let free = (first..first + lease.group_size).filter(|index| !reported.contains(index)).collect();
-        let (number, is_begun) = (group.number, group.is_disclosed);
-        groups.push(PoolGroup { number, scenario, name: None, free, is_begun });
-    }
-    Ok(groups)
 }

@@ -10,6 +10,7 @@ use super::run_end::RunEnd;
 use super::{SessionLeases, SharedPool};
 use crate::engine::error::ServiceError;
 use crate::leases::end::ReleaseLease;
+use crate::ownership::Actor;
 use crate::results::reported::{ReportedEpisode, ReportedOutcome};
 use crate::sessions::session_request::EpisodeSource;
 
@@ -93,7 +94,8 @@ impl Drop for EpisodeReservation {
             // Another session may run the episode, or the lease expires.
             return self.leases.spawn_store_abandoned(&self.pool);
         }
-        let release = ReleaseLease { run: self.run.clone(), lease: self.episode.lease.clone() };
+        let (run, lease) = (self.run.clone(), self.episode.lease.clone());
+        let release = ReleaseLease { run, lease, actor: Actor::Server };
         let (writer, episode) = (self.leases.lease_service().writer.clone(), self.episode.clone());
         self.leases.spawn_tracked(async move {
             if let Err(error) = writer.change(release).await {

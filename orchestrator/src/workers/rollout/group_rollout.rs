@@ -14,6 +14,7 @@ use super::RolloutWorker;
 use crate::engine::error::ServiceError;
 use crate::leases::renew::RenewLease;
 use crate::metrics;
+use crate::ownership::Actor;
 use crate::results::report::StoreResults;
 use crate::rollouts::group_record::GroupRecord;
 use crate::rollouts::push::{ModelUsage, PushGroup};
@@ -147,7 +148,8 @@ impl RolloutWorker {
     async fn keep_renewing(&self, group: &RolloutGroup) -> std::convert::Infallible {
         loop {
             tokio::time::sleep(Duration::from_secs(u64::from(ROLLOUT_TTL_S) / 3)).await;
-            let renew = RenewLease { run: group.run.clone(), lease: group.lease.clone() };
+            let (run, lease) = (group.run.clone(), group.lease.clone());
+            let renew = RenewLease { run, lease, actor: Actor::Server };
             if let Err(error) = self.lease_service.writer.change(renew).await {
                 tracing::warn!(lease = %group.lease, %error, "The lease of a group could not be renewed.");
             }

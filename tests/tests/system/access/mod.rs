@@ -8,11 +8,14 @@ use futures_util::StreamExt;
 use orchestrator::limits::ClientLimits;
 use orchestrator::service::{Config, Service, StartError};
 use serde_json::{Value, json};
-use system_tests::{ApiClient, Server, http_client, sparring_binary};
+use system_tests::{ApiClient, ApiResponse, Server, http_client, sparring_binary};
 use tokio_tungstenite::connect_async;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 
 mod limits;
+mod members;
+mod ownership;
+mod policy_versions;
 mod tokens;
 
 const ROLES: [&str; 3] = ["viewer", "trainer", "admin"];
@@ -24,7 +27,13 @@ fn run_sparring(db: &Path, args: &[&str]) -> (Option<i32>, String, String) {
 }
 
 fn create_token(db: &Path, role: &str) -> String {
-    let (code, token, stderr) = run_sparring(db, &["token", "create", role, "--role", role]);
+    create_token_of(db, role, role, role)
+}
+
+/// Creates a token that acts for a principal.
+fn create_token_of(db: &Path, name: &str, principal: &str, role: &str) -> String {
+    let arguments = ["token", "create", name, "--principal", principal, "--role", role];
+    let (code, token, stderr) = run_sparring(db, &arguments);
     assert_eq!(code, Some(0), "{stderr}");
     token.trim().to_owned()
 }
@@ -42,8 +51,77 @@ async fn start_with_tokens(
     (server, tokens.into())
 }
 
-/// Lists the operations of the OpenAPI document: method, path and required role.
-fn operations() -> Vec<(String, String, Option<String>)> {
+/// Server with tokens and clients of several principals.
+///
+/// The run `run` belongs to the principal `owner` and has the member `member`.
+struct Parties {
+    server: Server,
+    owner: ApiClient,
+    member: ApiClient,
+    /// Trainer that is neither the owner nor a member of the run.
+    other: ApiClient,
+    viewer: ApiClient,
+    admin: ApiClient,
+}
+
+impl Parties {
+    /// Starts a server with the run, whose settings `settings` replaces.
+    async fn start(settings: Value) -> Self {
+        Self::start_with(settings, |config| config).await
+    }
+
+    async fn start_with(settings: Value, setup: impl Fn(Config) -> Config + Send + Sync + 'static) -> Self {
+        let (server, tokens) = start_with_tokens(setup).await;
+        let db = server.db_path();
+        let create =
+            move || ["owner", "member", "other"].map(|name| create_token_of(&db, name, name, "trainer"));
+        let trainers = tokio::task::spawn_blocking(create).await.unwrap();
+        let api = server.api();
+        let [owner, member, other] = trainers.map(|token| api.clone().with_token(&token));
+        let [viewer, admin] = ["viewer", "admin"].map(|role| api.clone().with_token(&tokens[role]));
+        let mut request = json!({"id": "run", "seed": 5, "tasks": ["kessler/survival"], "contested_share": 0.0,
+            "placement": false, "design": {"designer": "off"}});
+        request.as_object_mut().unwrap().extend(settings.as_object().unwrap().clone());
+        let _ = owner.post("/v1/runs", request).await.expect(201);
+        let _ =
+            owner.send_json("PUT", "/v1/runs/run/members", json!({"members": ["member"]})).await.expect(200);
+        Self { server, owner, member, other, viewer, admin }
+    }
+
+    /// Creates another token and returns a client with it.
+    async fn create_client(
+        &self,
+        name: &'static str,
+        principal: &'static str,
+        role: &'static str,
+    ) -> ApiClient {
+        let db = self.server.db_path();
+        let create = move || create_token_of(&db, name, principal, role);
+        self.server.api().with_token(&tokio::task::spawn_blocking(create).await.unwrap())
+    }
+}
+
+/// Asserts that the server denied a request for a reason.
+#[track_caller]
+fn assert_denied(response: ApiResponse, code: &str) {
+    let body = response.expect(403);
+    assert_eq!(body["type"], format!("urn:sparring:problem:{code}"));
+    // The dashboard reads the role of a token from the last word of a denial.
+    assert!(ROLES.iter().all(|role| !body["detail"].as_str().unwrap().ends_with(role)), "{body}");
+}
+
+/// Operation of the OpenAPI document.
+struct ListedOperation {
+    method: String,
+    path: String,
+    /// Lowest role that may use it; `None` if it needs no token.
+    role: Option<String>,
+    /// Relation to the run that a trainer needs: `member` or `owner`.
+    relation: Option<String>,
+}
+
+/// Lists the operations of the OpenAPI document.
+fn operations() -> Vec<ListedOperation> {
     let document = serde_json::to_value(orchestrator::http::openapi()).unwrap();
     let mut operations = Vec::new();
     for (path, item) in document["paths"].as_object().unwrap() {
@@ -51,10 +129,12 @@ fn operations() -> Vec<(String, String, Option<String>)> {
             let Some(operation) = operation.as_object().filter(|o| o.contains_key("responses")) else {
                 continue;
             };
-            let role = operation
-                .get("security")
-                .map(|security| security[0]["token"][0].as_str().unwrap().to_owned());
-            operations.push((method.to_uppercase(), path.clone(), role));
+            let scope = |at: usize| {
+                let security = operation.get("security")?;
+                security[0]["token"].get(at).map(|scope| scope.as_str().unwrap().to_owned())
+            };
+            let (method, path) = (method.to_uppercase(), path.clone());
+            operations.push(ListedOperation { method, path, role: scope(0), relation: scope(1) });
         }
     }
     operations
@@ -62,85 +142,103 @@ fn operations() -> Vec<(String, String, Option<String>)> {
 
 #[test]
 fn every_operation_declares_its_role() {
-    let lines = operations()
-        .into_iter()
-        .map(|(method, path, role)| format!("{:<8} {method:<4} {path}", role.as_deref().unwrap_or("-")));
+    let lines = operations().into_iter().map(|ListedOperation { method, path, role, relation }| {
+        let relation = relation.map_or_else(String::new, |relation| format!(" for {relation}"));
+        format!("{:<8} {method:<4} {path}{relation}", role.as_deref().unwrap_or("-"))
+    });
     let mut lines: Vec<String> = lines.collect();
     lines.sort();
     // The snapshot makes the role of a new operation visible in review. An operation without a rule is for admins.
     insta::assert_snapshot!("roles", lines.join("\n"));
 }
 
+/// Client of the test of all operations.
+struct Caller<'a> {
+    name: &'a str,
+    /// Index in `ROLES`; `None` without a valid token.
+    rank: Option<usize>,
+    /// True if the principal may take part in the run, and if it owns the run.
+    may: [bool; 2],
+    api: ApiClient,
+}
+
+impl Caller<'_> {
+    /// Returns the status of a denied request; `None` if the caller may use the operation.
+    fn denial(&self, operation: &ListedOperation) -> Option<u16> {
+        let needed = ROLES.iter().position(|known| Some(*known) == operation.role.as_deref())?;
+        let Some(rank) = self.rank else { return Some(401) };
+        let is_related = match operation.relation.as_deref() {
+            None => true,
+            Some("member") => self.may[0],
+            Some("owner") => self.may[1],
+            Some(other) => panic!("unknown relation {other}"),
+        };
+        (rank < needed || !is_related).then_some(403)
+    }
+}
+
 #[tokio::test(flavor = "multi_thread")]
-async fn each_role_reaches_only_its_operations() {
+async fn each_principal_reaches_only_its_operations() {
     let client_limits = ClientLimits {
         requests: 10_000.try_into().unwrap(),
         anonymous: 10_000.try_into().unwrap(),
         ..ClientLimits::default()
     };
-    let (server, tokens) = start_with_tokens(move |config| Config { client_limits, ..config }).await;
-    let anonymous = server.api();
-    let callers: Vec<(Option<usize>, ApiClient)> = std::iter::once((None, anonymous.clone()))
-        .chain(std::iter::once((
-            None,
-            anonymous.clone().with_token(&format!("sparring_1_{}", "0".repeat(64))),
-        )))
-        .chain(
-            ROLES
-                .iter()
-                .enumerate()
-                .map(|(rank, role)| (Some(rank), anonymous.clone().with_token(&tokens[role]))),
-        )
-        .collect();
-    let admin = &callers.last().unwrap().1;
-    let _ = admin.post("/v1/runs", json!({"id": "run"})).await.expect(201);
+    let parties = Parties::start_with(json!({}), move |config| Config { client_limits, ..config }).await;
+    let anonymous = parties.server.api();
+    let unknown = anonymous.clone().with_token(&format!("sparring_1_{}", "0".repeat(64)));
+    let callers = [
+        ("no token", None, [false, false], anonymous.clone()),
+        ("unknown token", None, [false, false], unknown),
+        ("viewer", Some(0), [false, false], parties.viewer.clone()),
+        ("other trainer", Some(1), [false, false], parties.other.clone()),
+        ("member", Some(1), [true, false], parties.member.clone()),
+        ("owner", Some(1), [true, true], parties.owner.clone()),
+        ("admin", Some(2), [true, true], parties.admin.clone()),
+    ]
+    .map(|(name, rank, may, api)| Caller { name, rank, may, api });
     let mut open = Vec::new();
-    for (method, path, role) in operations() {
+    for operation in operations() {
+        let ListedOperation { method, path, .. } = &operation;
         let concrete =
             path.replace("{run}", "run").replace("{lease}", "1-aaaaaa").replace("{episode}", "ep_1-aaaaaa_0");
         let concrete = concrete
             .replace("{design}", "layout-1")
             .replace("{layout}", "layout-1")
             .replace("{request}", "ask-1");
-        for (rank, api) in &callers {
-            if path.ends_with("/events") && rank.is_some() {
+        for caller in &callers {
+            if path.ends_with("/events") && caller.rank.is_some() {
                 continue; // the stream never ends; assert_undocumented_routes tests it
             }
             let query = if path.ends_with("/trajectories") { "?wait_s=0" } else { "" };
-            let answer = api.request(&method, &format!("{concrete}{query}"), "application/json", "{}").await;
-            let needed = role.as_ref().map(|role| ROLES.iter().position(|known| known == role).unwrap());
-            let expected = match (needed, rank) {
-                (None, _) => None,
-                (Some(_), None) => Some(401),
-                (Some(needed), Some(rank)) => (*rank < needed).then_some(403),
-            };
-            match expected {
+            let path = format!("{concrete}{query}");
+            let answer = caller.api.request(method, &path, "application/json", "{}").await;
+            let context = format!("{method} {path} {} {}", caller.name, answer.body);
+            match caller.denial(&operation) {
                 Some(status) => {
-                    assert_eq!(answer.status, status, "{method} {path} {rank:?} {}", answer.body);
+                    assert_eq!(answer.status, status, "{context}");
                     assert_eq!(answer.content_type, "application/problem+json");
                 }
-                None => {
-                    assert!(![401, 403].contains(&answer.status), "{method} {path} {rank:?} {}", answer.body);
-                }
+                None => assert!(![401, 403].contains(&answer.status), "{context}"),
             }
         }
-        if role.is_none() {
+        if operation.role.is_none() {
             open.push(format!("{method} {path}"));
         }
     }
     assert_eq!(open, ["GET /livez", "GET /readyz"]);
-    assert_undocumented_routes(&anonymous, &tokens).await;
+    assert_undocumented_routes(&parties).await;
 }
 
 /// Checks routes that the document omits, unknown routes, the event stream and WebSockets.
-async fn assert_undocumented_routes(anonymous: &ApiClient, tokens: &BTreeMap<&'static str, String>) {
+async fn assert_undocumented_routes(parties: &Parties) {
+    let anonymous = parties.server.api();
     for path in ["/", "/ws", "/mcp", "/ws/ui", "/web/state", "/web/metadata"] {
         assert_eq!(anonymous.get(path).await.status, 401, "{path}");
     }
     for path in ["/web/reset", "/web/step"] {
         assert_eq!(anonymous.post(path, json!({})).await.status, 401, "{path}");
-        let viewer = anonymous.clone().with_token(&tokens["viewer"]);
-        assert_eq!(viewer.post(path, json!({})).await.status, 403, "{path}");
+        assert_eq!(parties.viewer.post(path, json!({})).await.status, 403, "{path}");
     }
     // Pages are public: they have no data of runs, which they request with a token.
     for path in ["/web/", "/dashboard/"] {
@@ -148,13 +246,13 @@ async fn assert_undocumented_routes(anonymous: &ApiClient, tokens: &BTreeMap<&'s
         assert_eq!(page.status(), 200, "{path}");
     }
     assert_eq!(anonymous.get("/nothing").await.status, 404);
-    let events =
-        http_client().get(format!("{}/v1/runs/run/events", anonymous.base())).bearer_auth(&tokens["viewer"]);
+    let events = http_client()
+        .get(format!("{}/v1/runs/run/events", anonymous.base()))
+        .bearer_auth(parties.viewer.token().unwrap());
     assert_eq!(events.send().await.unwrap().status(), 200);
     // The upgrade request of a WebSocket session is checked.
-    for (caller, status) in [(None, Some(401)), (Some("viewer"), Some(403)), (Some("trainer"), None)] {
-        let token = caller.map(|role| tokens[role].as_str());
-        assert_eq!(connect(anonymous.base(), "/v1/sessions", token).await.err(), status);
+    for (caller, status) in [(&anonymous, Some(401)), (&parties.viewer, Some(403)), (&parties.other, None)] {
+        assert_eq!(connect(anonymous.base(), "/v1/sessions", caller.token()).await.err(), status);
     }
 }
 

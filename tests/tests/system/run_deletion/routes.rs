@@ -14,6 +14,7 @@ fn body(operation: &str, ids: &PopulatedRun) -> Value {
         "claim_columns" => json!({"score": vec![0.5; 8]}),
         "create_lease" => json!({"groups": 1}),
         "report_results" => json!({"results": [{"episode": ids.episode, "failed": "lost"}]}),
+        "set_members" => json!({"members": []}),
         "set_policy" => json!({"policy": "hold"}),
         "set_policy_version" => json!({"policy_version": 3}),
         "set_tags" => json!({"tags": []}),

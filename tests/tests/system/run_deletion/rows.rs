@@ -12,8 +12,14 @@ use super::populate::create_populated_run;
 use super::{archive, archive_and_delete, create};
 
 /// Tables whose rows belong to no run.
-const SERVER_TABLES: [&str; 5] =
-    ["_sqlx_migrations", "audit_log", "highest_deleted_lease", "sqlite_sequence", "write_probe"];
+const SERVER_TABLES: [&str; 6] = [
+    "_sqlx_migrations",
+    "audit_log",
+    "highest_deleted_lease",
+    "principals",
+    "sqlite_sequence",
+    "write_probe",
+];
 
 /// Tables whose rows workers delete at any moment.
 const QUEUES: [&str; 2] = ["critique_queue", "rollout_leases"];
@@ -49,6 +55,8 @@ async fn insert_rare_rows(db: &Path) {
     for statement in [
         "INSERT INTO level_moves VALUES ('gone', 1, 'kessler/survival', 'up', 0, 1, '{}', 0)",
         "INSERT INTO deleted_run_events VALUES ('gone', 0)",
+        "INSERT INTO principals (id, name) VALUES (1, 'member')",
+        "INSERT INTO run_members VALUES ('gone', 1)",
         "INSERT INTO rollout_spend VALUES ('gone', 0, 1, 1, 0.5)",
         "INSERT INTO step_verdicts (at, run, episode, scenario, task, step, model, prompt_version, error, is_cached,
                                     tokens_in, tokens_out, cost, latency_ms)

@@ -1,11 +1,13 @@
 //! Cancellation of an evaluation.
 
 use api_types::EvaluationSummary;
+use axum::Extension;
 use axum::extract::State;
 use store::ids::EvaluationId;
 
 use super::view::evaluation_summary;
 use crate::evaluations::cancel::CancelEvaluation;
+use crate::http::access::Caller;
 use crate::http::extract::{NoQuery, Path};
 use crate::http::path_ids::parse_id;
 use crate::http::problem::Problem;
@@ -13,6 +15,7 @@ use crate::http::state::AppState;
 
 /// Cancel an evaluation.
 ///
+/// Only the owner of the evaluated run or an admin can cancel; without a run, the principal that created the evaluation or an admin.
 /// The evaluation becomes `failed` and grants no more leases; its results so far remain. A complete evaluation cannot be cancelled
 /// (409). A failed evaluation does not change.
 #[utoipa::path(
@@ -26,10 +29,11 @@ use crate::http::state::AppState;
 pub(in crate::http::v1) async fn cancel_evaluation(
     _: NoQuery,
     State(app): State<AppState>,
+    Extension(caller): Extension<Caller>,
     Path(evaluation): Path<String>,
 ) -> Result<axum::Json<EvaluationSummary>, Problem> {
     let EvaluationId(number) = parse_id("evaluation", &evaluation)?;
-    let row = app.writer.change(CancelEvaluation { id: number }).await?;
+    let row = app.writer.change(CancelEvaluation { id: number, actor: caller.actor() }).await?;
     tracing::info!(evaluation = row.id, "Evaluation cancelled.");
     Ok(axum::Json(evaluation_summary(row)))
 }

@@ -1,19 +1,23 @@
 //! Creation of an evaluation.
 
 use api_types::{EvaluationRequest, EvaluationSummary};
+use axum::Extension;
 use axum::extract::State;
 use axum::http::StatusCode;
 
 use super::view::evaluation_summary;
 use crate::evaluations::begin::BeginEvaluation;
+use crate::http::access::Caller;
 use crate::http::extract::{Json, NoQuery};
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
+use crate::ownership::{self, RunPermission};
 
 /// Create an evaluation on a frozen suite.
 ///
 /// Without `run` the server rolls out a built-in policy. With `run` the trainer of the run leases the scenarios (`purpose: eval`,
-/// `evaluation`: this id) and reports results until no scenario is left. Evaluation seeds are never used for training.
+/// `evaluation`: this id) and reports results until no scenario is left. Only the owner of the run or an admin can create such an
+/// evaluation. Evaluation seeds are never used for training.
 #[utoipa::path(
     post, path = "/evaluations", tag = "evaluations", request_body = EvaluationRequest,
     responses(
@@ -25,12 +29,17 @@ use crate::http::state::AppState;
 pub(in crate::http::v1) async fn create_evaluation(
     _: NoQuery,
     State(app): State<AppState>,
+    Extension(caller): Extension<Caller>,
     Json(request): Json<EvaluationRequest>,
 ) -> Result<(StatusCode, axum::Json<EvaluationSummary>), Problem> {
     // A suite is read on first use, which takes too long for a thread of the runtime.
     let parsed = tokio::task::spawn_blocking(move || BeginEvaluation::from_request(request)).await;
     let change = parsed.map_err(|error| Problem::invalid("suite", error.to_string()))??;
-    let row = app.writer.change(change).await?;
+    if let Some(run) = change.run() {
+        let mut conn = app.readers.acquire().await?;
+        ownership::check_run(&mut conn, caller.actor(), run, RunPermission::Change).await?;
+    }
+    let row = app.writer.change(change.owned_by(caller.actor().principal())).await?;
     tracing::info!(evaluation = row.id, suite = row.suite, policy = row.policy, "Evaluation created.");
     Ok((StatusCode::CREATED, axum::Json(evaluation_summary(row))))
 }

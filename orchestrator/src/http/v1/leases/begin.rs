@@ -1,9 +1,11 @@
 //! Begin of groups of a lease.
 
 use api_types::{BeginGroupsRequest, Lease};
+use axum::Extension;
 use axum::extract::State;
 
 use super::view::load_lease;
+use crate::http::access::Caller;
 use crate::http::extract::{Json, NoQuery, Path};
 use crate::http::path_ids::{parse_id, parse_run_id};
 use crate::http::problem::Problem;
@@ -29,6 +31,7 @@ use crate::leases::create::{GrantedLease, MAX_GROUPS};
 pub(in crate::http::v1) async fn begin_groups(
     _: NoQuery,
     State(app): State<AppState>,
+    Extension(caller): Extension<Caller>,
     Path((run, lease)): Path<(String, String)>,
     Json(BeginGroupsRequest { groups }): Json<BeginGroupsRequest>,
 ) -> Result<axum::Json<Lease>, Problem> {
@@ -36,7 +39,8 @@ pub(in crate::http::v1) async fn begin_groups(
         let reason = format!("must have 1 to {MAX_GROUPS} numbers, got {}", groups.len());
         return Err(Problem::invalid("groups", reason));
     }
-    let change = BeginGroups { run: parse_run_id(&run)?, lease: parse_id("lease", &lease)?, groups };
+    let (run, lease, actor) = (parse_run_id(&run)?, parse_id("lease", &lease)?, caller.actor());
+    let change = BeginGroups { run, lease, groups, actor };
     let GrantedLease { row, groups, .. } = app.writer.change(change).await?;
     Ok(axum::Json(load_lease(&mut *app.readers.acquire().await?, row, groups).await?))
 }

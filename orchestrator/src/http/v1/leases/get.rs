@@ -1,16 +1,18 @@
 //! One lease with its groups.
 
 use api_types::Lease;
+use axum::Extension;
 use axum::extract::State;
 use store::groups;
 
 use super::view::load_lease;
 use crate::engine::error::ServiceError;
+use crate::http::access::Caller;
 use crate::http::extract::{NoQuery, Path};
 use crate::http::path_ids::{parse_id, parse_run_id};
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
-use crate::leases::find::find_lease;
+use crate::leases::find::find_own_lease;
 
 /// Get a lease with its groups.
 ///
@@ -26,11 +28,12 @@ use crate::leases::find::find_lease;
 pub(in crate::http::v1) async fn get_lease(
     _: NoQuery,
     State(app): State<AppState>,
+    Extension(caller): Extension<Caller>,
     Path((run, lease)): Path<(String, String)>,
 ) -> Result<axum::Json<Lease>, Problem> {
     let (run, lease) = (parse_run_id(&run)?, parse_id("lease", &lease)?);
     let mut conn = app.readers.acquire().await?;
-    let row = find_lease(&mut conn, &run, &lease).await?;
+    let row = find_own_lease(&mut conn, &run, &lease, caller.actor()).await?;
     let groups = groups::of_lease(&mut conn, row.id).await?;
     if row.is_compacted && groups.is_empty() {
         return Err(ServiceError::Expired(lease.to_string()).into());

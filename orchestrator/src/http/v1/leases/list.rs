@@ -1,10 +1,12 @@
 //! List of a run's leases.
 
 use api_types::{LeasePage, PageQuery};
+use axum::Extension;
 use axum::extract::State;
 use store::{compacted_leases, leases};
 
 use super::view::lease_summary;
+use crate::http::access::Caller;
 use crate::http::extract::{Path, Query};
 use crate::http::paging::{PageCursor, next_cursor, page_limit};
 use crate::http::path_ids::parse_run_id;
@@ -12,7 +14,9 @@ use crate::http::problem::Problem;
 use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 
-/// List the leases of a run, oldest first.
+/// List the leases of a run that belong to the principal of the token, oldest first.
+///
+/// An admin receives all leases. A page can have fewer leases than `limit`, or none: the list ends where `next` is null.
 #[utoipa::path(
     get, path = "/runs/{run}/leases", tag = "leases",
     params(("run" = String, Path, description = "The run's id."), PageQuery),
@@ -23,6 +27,7 @@ use crate::http::state::AppState;
 )]
 pub(in crate::http::v1) async fn list_leases(
     State(app): State<AppState>,
+    Extension(caller): Extension<Caller>,
     Path(run): Path<String>,
     Query(page): Query<PageQuery>,
 ) -> Result<axum::Json<LeasePage>, Problem> {
@@ -35,5 +40,6 @@ pub(in crate::http::v1) async fn list_leases(
     rows.dedup_by_key(|row| row.id); // a compacted lease can still have groups
     rows.truncate(usize::try_from(limit).unwrap_or_default());
     let next = next_cursor(rows.len(), limit, rows.last().map(|row| PageCursor::at(row.id)));
+    rows.retain(|row| caller.actor().may_use_lease(row.owner));
     Ok(axum::Json(LeasePage { leases: rows.into_iter().map(lease_summary).collect(), next }))
 }

@@ -1,9 +1,11 @@
 //! End of a lease on request of its client.
 
 use api_types::LeaseSummary;
+use axum::Extension;
 use axum::extract::State;
 
 use super::view::lease_summary;
+use crate::http::access::Caller;
 use crate::http::extract::{NoQuery, Path};
 use crate::http::path_ids::{parse_id, parse_run_id};
 use crate::http::problem::Problem;
@@ -25,8 +27,9 @@ use crate::leases::end::ReleaseLease;
 pub(in crate::http::v1) async fn release_lease(
     _: NoQuery,
     State(app): State<AppState>,
+    Extension(caller): Extension<Caller>,
     Path((run, lease)): Path<(String, String)>,
 ) -> Result<axum::Json<LeaseSummary>, Problem> {
-    let change = ReleaseLease { run: parse_run_id(&run)?, lease: parse_id("lease", &lease)? };
-    Ok(axum::Json(lease_summary(app.writer.change(change).await?)))
+    let (run, lease, actor) = (parse_run_id(&run)?, parse_id("lease", &lease)?, caller.actor());
+    Ok(axum::Json(lease_summary(app.writer.change(ReleaseLease { run, lease, actor }).await?)))
 }

@@ -1,9 +1,11 @@
 //! Renewal of a lease.
 
 use api_types::LeaseSummary;
+use axum::Extension;
 use axum::extract::State;
 
 use super::view::lease_summary;
+use crate::http::access::Caller;
 use crate::http::extract::{NoQuery, Path};
 use crate::http::path_ids::{parse_id, parse_run_id};
 use crate::http::problem::Problem;
@@ -23,8 +25,9 @@ use crate::leases::renew::RenewLease;
 pub(in crate::http::v1) async fn renew_lease(
     _: NoQuery,
     State(app): State<AppState>,
+    Extension(caller): Extension<Caller>,
     Path((run, lease)): Path<(String, String)>,
 ) -> Result<axum::Json<LeaseSummary>, Problem> {
-    let change = RenewLease { run: parse_run_id(&run)?, lease: parse_id("lease", &lease)? };
-    Ok(axum::Json(lease_summary(app.writer.change(change).await?)))
+    let (run, lease, actor) = (parse_run_id(&run)?, parse_id("lease", &lease)?, caller.actor());
+    Ok(axum::Json(lease_summary(app.writer.change(RenewLease { run, lease, actor }).await?)))
 }
