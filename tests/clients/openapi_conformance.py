@@ -184,6 +184,7 @@ def create_resources(url):
     at = "/v1/runs/real"
     request_json(url, "PUT", at + "/policy", {"policy": "random", "max_unacknowledged_groups": 64})  # the random policy fails, so that the designer has failures to aim at
     leases = [request_json(url, "POST", at + "/leases", {"groups": 2, "ttl_s": 86400}) for _ in range(2)]
+    leases.append(request_json(url, "POST", at + "/leases", {"groups": 2, "ttl_s": 86400, "disclosure": "begin"}))
     reported = leases[0]["groups"][0]["episodes"]
     request_json(url, "POST", at + "/results", {"results": [{"episode": name, "actions": {"steps": [[]] * 50}} for name in reported]})
     columns = [request_json(url, "POST", at + "/leases", {"form": "columns", "groups": 4, "group_size": 1, "ttl_s": 86400}) for _ in range(2)]
@@ -217,6 +218,7 @@ def create_resources(url):
             ("POST /v1/runs/{run}/results", {"run": "real"}, {"results": [{"episode": group["episodes"][0], "actions": actions}]}),
             ("POST /v1/runs/{run}/results", {"run": "real"}, {"results": [{"episode": group["episodes"][1], "status": "failed"}]}),
             ("POST /v1/runs/{run}/leases/{lease}/renew", {"run": "real", "lease": leases[1]["lease"]}, None),
+            ("POST /v1/runs/{run}/leases/{lease}/groups/begin", {"run": "real", "lease": leases[2]["lease"]}, {"groups": [0]}),
             ("POST /v1/runs/{run}/leases/{lease}/columns", left, {"score": [0.5] * 4, "failed": [0, 0, 0, 1]}),
         ],
     }

@@ -128,6 +128,8 @@ impl SessionManager {
                 self.leases.check_run(actor, &run, None).await?;
                 let pool = self.leases.lease_pool(run.clone(), lease.clone(), actor).await?;
                 let plan = plan_pool(&pool.lock(), config, request.task)?;
+                // Each environment starts with an episode.
+                self.leases.begin_for_task(&pool, plan.task.id(), config.envs).await?;
                 Ok(SourcedPlan { plan, source: VectorSource::Lease { run, lease }, pool: Some(pool) })
             }
         }

@@ -1,28 +1,31 @@
 //! Stores a claim: the results of all episodes of a lease as columns.
 
-use env_core::format_shortest;
+use std::collections::BTreeMap;
+
+use env_core::{Scenario, format_shortest};
 use sqlx::SqliteConnection;
-use store::columns::{self, ClaimState, ColumnClaimRow, RangeTotals, SeedRangeRow};
+use store::columns::{self, ClaimState, ColumnClaimRow, RangeTotals, SampledGroupRow, SeedRangeRow};
 use store::compacted_leases::{self, CompactedClaim};
 use store::groups::{self, GroupRow};
 use store::ids::{LeaseId, RunId};
 use store::leases::{self, LeaseRow, LeaseStatus};
-use store::runs;
-use store::scenarios::ScenarioLoader;
+use store::scenarios::{self, ScenarioLoader};
+use store::{from_json, runs};
 
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::write_tx::WriteTx;
-use crate::leases::audit_sample::RecipeRange;
+use crate::leases::audit_sample::{RecipeRange, draw_scenarios};
 use crate::leases::create::counts_as_evidence;
 use crate::leases::find::{find_lease, find_own_lease};
 use crate::leases::lease_service::LeaseService;
 use crate::ownership::Actor;
-use crate::results::columns::sample::{claimed_scores, take_sample};
+use crate::results::columns::sample::{claimed_scores, sampled_row, take_sample};
 use crate::results::columns::settle::settle;
 use crate::results::columns::status::{ClaimStatus, claim_status_of};
 use crate::results::columns::table::{Columns, range_episodes, range_totals};
+use crate::runs::settings::RunSettings;
 use crate::runs::version_step::check_version_step;
 
 /// Stores the columns of a lease, and discloses the groups to audit. The answer is sent after the commit. The same columns again receive
@@ -52,6 +55,8 @@ pub async fn claim(
     if let Some(version) = policy_version {
         check_version_step("policy_version", version, stored.policy_version)?;
     }
+    let settings: RunSettings = from_json("a run's settings", &stored.settings)?;
+    let audit_groups = settings.audit_groups as usize;
     columns.check(usize::try_from(row.episodes()).unwrap_or_default())?;
     let columns = columns.canonical();
     let mut loader = ScenarioLoader::default();
@@ -67,6 +72,8 @@ pub async fn claim(
         for RecipeRange { range, recipe } in &ranges {
             check_scores(&columns, range, group_size, recipe.task().score_range())?;
         }
+        let has_finished = |group| claimed_scores(&columns, group, group_size).next().is_some();
+        let drawn = draw_scenarios(&ranges, audit_groups, &has_finished)?;
         let totals = ranges.iter().map(|of| range_totals(&columns, &of.range, group_size)).collect();
         let (digest, body) = (columns.digest(), columns.encode()?);
         let failed = columns.failed.iter().filter(|failed| **failed).count();
@@ -78,6 +85,8 @@ pub async fn claim(
             body,
             failed,
             columns,
+            drawn,
+            audit_groups,
             totals,
         })
     });
@@ -114,6 +123,10 @@ struct StoreClaim {
     body: Vec<u8>,
     failed: usize,
     columns: Columns,
+    /// Groups with finished episodes. They are audited where episodes of the sample are claimed as failed.
+    drawn: BTreeMap<i64, Scenario>,
+    /// Number of groups to audit.
+    audit_groups: usize,
     totals: Vec<RangeTotals>,
 }
 
@@ -176,17 +189,18 @@ impl StoreClaim {
         let run = tx.run(&lease.run).await?;
         let is_evidence = counts_as_evidence(lease.purpose, &run.state.settings);
         let (clock, conn) = (run.lease_clock(), run.conn);
-        let rows = take_sample(conn, &lease, is_evidence).await?;
-        if rows.is_empty() && self.failed as i64 != lease.episodes() {
+        let mut rows = take_sample(conn, &lease, is_evidence).await?;
+        self.add_verified_groups(conn, &lease, &mut rows).await?;
+        let audited = self.insert_audited_groups(conn, &lease, rows).await?;
+        if audited.episodes == 0 && self.failed as i64 != lease.episodes() {
             let why =
                 "all claimed scores are of scenarios without a fair start; claim these episodes as failed";
             return Err(ServiceError::invalid("score", why));
         }
-        let scores = self.insert_audited_groups(conn, &lease, rows).await?;
         lease.expires_at = clock + lease.ttl_ms;
         leases::set_expiry(&mut tx.conn, lease.id, lease.expires_at).await?;
-        tx.emit(&lease.run, &claim_event(&lease, &row, scores.groups))?;
-        if scores.episodes == 0 {
+        tx.emit(&lease.run, &claim_event(&lease, &row, audited.groups))?;
+        if audited.episodes == 0 {
             settle(tx, &lease).await?; // every audited episode failed: there is nothing to audit
         }
         // The claim may have been settled at once.
@@ -214,6 +228,35 @@ struct AuditSize {
 }
 
 impl StoreClaim {
+    /// Adds groups to the sample until as many groups with finished episodes are audited as the run wants. They verify the claim, and
+    /// are no evidence: the trainer chose which episodes finished.
+    async fn add_verified_groups(
+        &self,
+        conn: &mut SqliteConnection,
+        lease: &LeaseRow,
+        rows: &mut Vec<GroupRow>,
+    ) -> Result<(), ServiceError> {
+        let group_size = usize::try_from(lease.group_size).unwrap_or(1);
+        let has_finished =
+            |row: &&GroupRow| claimed_scores(&self.columns, row.number, group_size).next().is_some();
+        let wanted = self.audit_groups.saturating_sub(rows.iter().filter(has_finished).count());
+        let more: Vec<_> = (self.drawn.iter())
+            .filter(|(number, _)| rows.iter().all(|row| row.number != **number))
+            .take(wanted)
+            .collect();
+        let drawn: Vec<&Scenario> = more.iter().map(|(_, scenario)| *scenario).collect();
+        scenarios::insert(conn, &drawn).await?;
+        let ranges = columns::ranges(conn, lease.id).await?;
+        for (number, scenario) in more {
+            let Some(range) = ranges.iter().find(|range| range.holds(*number)) else { continue };
+            let scenario = scenario.id().0.to_vec();
+            let sampled = SampledGroupRow { number: *number, scenario, is_contested: false, is_slot: false };
+            rows.push(sampled_row(range, sampled, false));
+        }
+        rows.sort_by_key(|row| row.number);
+        Ok(())
+    }
+
     /// Inserts the sampled groups as groups of the lease, with the claimed scores of their episodes.
     async fn insert_audited_groups(
         &self,

@@ -28,7 +28,7 @@ pub(crate) fn claimed_scores(
 }
 
 /// Builds the row of a sampled group, without results.
-fn sampled_row(range: &SeedRangeRow, sampled: SampledGroupRow, is_evidence: bool) -> GroupRow {
+pub(super) fn sampled_row(range: &SeedRangeRow, sampled: SampledGroupRow, is_evidence: bool) -> GroupRow {
     GroupRow {
         proposal: Some(range.proposal),
         level: range.level,

@@ -18,7 +18,8 @@ enum Hiding {
 async fn report_hiding(api: &ApiClient, run: &str, hiding: Hiding) -> f64 {
     let ttl_s = if hiding == Hiding::LetsExpire { 1 } else { 600 };
     let lease = api.lease(run, json!({"groups": 64, "ttl_s": ttl_s, "policy_version": 9})).await;
-    let results = hold_results(&lease);
+    let mut results = hold_results(&lease);
+    results.sort_by_key(|(_, won)| !won); // an old result is old only after the newest version
     let successes = results.iter().filter(|(_, won)| *won).count() as f64;
     let shown = |(result, won): (Value, bool)| match hiding {
         _ if won => Some(result),
@@ -30,7 +31,6 @@ async fn report_hiding(api: &ApiClient, run: &str, hiding: Hiding) -> f64 {
         }
         Hiding::Releases | Hiding::LetsExpire => None,
     };
-    // Successes come first: an old result must not wait for the newest version.
     api.report(run, results.into_iter().filter_map(shown).collect()).await;
     if hiding == Hiding::Releases {
         let _ =

@@ -199,7 +199,7 @@ async fn failed_episodes_of_a_claim_are_not_low_scores() {
         (&json!(48), &json!(12))
     );
     assert_eq!(after["results"]["failed"], 0);
-    assert_eq!(after["mastery"]["seen"], 0, "12 of 60 is more than a tenth: {after}");
+    assert_eq!(after["level"], 0);
     // If every episode failed, nothing is audited and the claim is accepted.
     let trainer = ColumnClaim::new(&api, "run", json!({"groups": 5}), "hold").await;
     let all = json!({"score": trainer.scores, "failed": [1, 1, 1, 1, 1]});

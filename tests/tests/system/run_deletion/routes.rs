@@ -11,6 +11,7 @@ use super::{archive, create, delete, is_unknown_run};
 fn body(operation: &str, ids: &PopulatedRun) -> Value {
     match operation {
         "acknowledge_trajectories" => json!({"ids": [1]}),
+        "begin_groups" => json!({"groups": [0]}),
         "claim_columns" => json!({"score": vec![0.5; 8]}),
         "create_lease" => json!({"groups": 1}),
         "report_results" => json!({"results": [{"episode": ids.episode, "failed": "lost"}]}),
