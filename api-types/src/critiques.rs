@@ -12,6 +12,9 @@ pub struct Critique {
     pub actions: Vec<ActionValue>,
     /// Assessment by the deterministic judge.
     pub assessment: JudgeAssessment,
+    /// Reason why failures are without `measures` and `cheapest_avoidance`, and their `explanation` is that of the failure mode;
+    /// null if the critique is complete.
+    pub withheld: Option<String>,
 }
 
 /// Reason why an episode lost score.

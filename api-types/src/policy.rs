@@ -32,7 +32,7 @@ pub struct RunPolicyError {
 #[serde(deny_unknown_fields)]
 pub struct PolicyRequest {
     /// `off`, `chat` (the language model that the server was started with), or a built-in policy that every task of the run
-    /// has (`GET /v1/tasks` lists them).
+    /// has (`GET /v1/tasks` lists them). `reference` is not allowed, because its trajectories are the planner's plans.
     #[schema(example = "heuristic")]
     pub policy: String,
     /// Version of the policy, which groups that start later get. Raise it when the endpoint serves new weights; it never decreases.

@@ -15,6 +15,8 @@ pub struct RunSummary {
     pub name: String,
     /// Seed of the run's random streams.
     pub seed: u64,
+    /// True if a run that was created before, possibly a deleted one, has the same seed. Its scenarios and their plans may be known.
+    pub seed_reused: bool,
     /// Status of the run.
     pub status: RunStatus,
     /// Time of creation, RFC 3339.

@@ -3,6 +3,7 @@ import type { Page } from "playwright-core";
 import { expect, test } from "vitest";
 import { visit } from "./browser";
 import { createHeldRun, useFixture } from "./fixture";
+import type { Lease } from "./server";
 
 interface Frame {
   step: number;
@@ -107,6 +108,47 @@ test("a replay plays, pauses and is compared with the reference", async () => {
       .getAttribute("data-status");
   await expect.poll(() => statusIn(0)).toBe("destroyed");
   expect(await statusIn(1)).toBe("active"); // the reference planner saves it
+  expect(problems).toEqual([]);
+  await page.context().close();
+});
+
+test("the reference plan is shown when no group of the scenario is open", async () => {
+  const { server } = fixture;
+  const settings = { tasks: ["kessler/survival"], design: { designer: "off" }, seed: 8 };
+  await server.post("/v1/runs", { ...settings, id: "open", group_size: 2 });
+  const lease = await server.post<Lease>("/v1/runs/open/leases", { groups: 1 });
+  const [first = "", second = ""] = lease.groups[0]?.episodes ?? [];
+  const report = (id: string) =>
+    server.post("/v1/runs/open/results", {
+      results: [{ episode: id, actions: { steps: [], stopped: "too_late" } }],
+    });
+  await report(first);
+  const { page, problems } = await fixture.openPage();
+  await visit(page, server.url, `/runs/open/episodes/${first}?step=0&beside=reference`);
+  const reason = "Run open has an open group of this scenario";
+  await page.getByRole("status").getByText(reason).waitFor();
+  await page.getByText(`Avoiding actions are not shown: ${reason}`).waitFor();
+  expect(await page.locator("canvas").count()).toBe(1);
+  await report(second);
+  await page.reload();
+  await expect.poll(() => page.locator("canvas").count()).toBe(2);
+  expect(await page.getByText(reason).count()).toBe(0);
+  expect(problems).toEqual([]);
+  await page.context().close();
+});
+
+test("the page of a run with a used seed says so", async () => {
+  const { server } = fixture;
+  const settings = { tasks: ["docking/single"], design: { designer: "off" }, seed: 9 };
+  await server.post("/v1/runs", { ...settings, id: "earlier" });
+  await server.post("/v1/runs", { ...settings, id: "later" });
+  const { page, problems } = await fixture.openPage();
+  const note = page.getByText("An earlier run has the same seed (9)");
+  await visit(page, server.url, "/runs/later");
+  await note.waitFor();
+  await visit(page, server.url, "/runs/earlier");
+  await page.getByText("No episodes yet").waitFor();
+  expect(await note.count()).toBe(0);
   expect(problems).toEqual([]);
   await page.context().close();
 });

@@ -59,6 +59,7 @@ pub mod run_policies;
 pub mod run_tags;
 pub mod run_warnings;
 pub mod runs;
+pub mod scenario_use;
 pub mod scenarios;
 #[cfg(test)]
 mod schema_changes;

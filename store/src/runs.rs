@@ -1,4 +1,4 @@
-//! Runs and their settings. Tables `runs` and `run_settings`.
+//! Runs, their settings and their seeds. Tables `runs`, `run_settings` and `used_run_seeds`.
 //!
 //! Functions that read runs skip those that are being deleted ([`run_deletion`](super::run_deletion)).
 
@@ -41,6 +41,8 @@ pub struct RunRow {
     pub archived_at: Option<Millis>,
     /// When the run was paused; none while it is active.
     pub paused_at: Option<Millis>,
+    /// True if a run that was created before, possibly a deleted one, has the same seed.
+    pub is_seed_reused: bool,
     /// Tags of the run.
     pub tags: NameSet,
     /// Name of the principal that owns the run; none if it was created without authentication.
@@ -55,7 +57,7 @@ macro_rules! query_runs {
         sqlx::query_as!(
             RunRow,
             r#"SELECT r.id, r.name, r.seed, r.status AS "status: RunStatus", r.settings, r.policy_version, r.created_at,
-                      r.archived_at, r.paused_at,
+                      r.archived_at, r.paused_at, r.is_seed_reused AS "is_seed_reused: bool",
                       (SELECT json_group_array(tag) FROM run_tags WHERE run = r.id) AS "tags!: NameSet",
                       (SELECT name FROM principals WHERE id = r.owner) AS "owner: String",
                       (SELECT json_group_array(p.name) FROM run_members m CROSS JOIN principals p ON p.id = m.principal
@@ -107,8 +109,8 @@ pub async fn insert(
     owner: Option<PrincipalId>,
 ) -> Result<bool, StoreError> {
     let done = query!(
-        "INSERT INTO runs (id, name, seed, status, settings, policy_version, created_at, owner)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (id) DO NOTHING",
+        "INSERT INTO runs (id, name, seed, status, settings, policy_version, created_at, owner, is_seed_reused)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (id) DO NOTHING",
         row.id,
         row.name,
         row.seed,
@@ -116,7 +118,8 @@ pub async fn insert(
         row.settings,
         row.policy_version,
         row.created_at,
-        owner
+        owner,
+        row.is_seed_reused
     )
     .execute(&mut *conn)
     .await?;
@@ -125,6 +128,15 @@ pub async fn insert(
         append_settings(conn, &row.id, &row.settings, row.created_at).await?;
     }
     Ok(is_new)
+}
+
+/// Records the seed of a new run. Returns true if another run, possibly a deleted one, used it before.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn record_seed(conn: &mut SqliteConnection, seed: i64) -> Result<bool, StoreError> {
+    let done = query!("INSERT INTO used_run_seeds (seed) VALUES (?) ON CONFLICT (seed) DO NOTHING", seed);
+    Ok(done.execute(conn).await?.rows_affected() == 0)
 }
 
 /// Reads a run.

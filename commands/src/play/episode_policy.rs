@@ -5,15 +5,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, bail};
 use env_core::log::{ActionLog, Precision};
-use env_core::policy::Policy;
+use env_core::policy::{PLANNER_POLICY, Policy};
 use llm::{LlmClient, LlmError};
 use serde_json::Value;
 
 use super::openenv_task::OpenEnvTask;
 use llm_policy::{ActionCodec, ChatPolicy, ChatSettings, ChatTurn, TaskPrompt, TimeStep};
-
-/// Policy that plans on the scenario itself, which no server discloses.
-const HINDSIGHT_POLICY: &str = "reference";
 
 /// Source of the policies of all episodes.
 #[derive(Debug)]
@@ -74,7 +71,7 @@ impl PolicySource {
     /// Returns an error if the task does not have the policy, or the policy needs the scenario itself.
     pub(super) fn check(&self, task: &OpenEnvTask) -> anyhow::Result<()> {
         let Self::BuiltIn { name, .. } = self else { return Ok(()) };
-        if name == HINDSIGHT_POLICY {
+        if name == PLANNER_POLICY {
             bail!(
                 "--policy {name}: it needs the scenario itself, which a server does not send; use it in `sparring eval`"
             );
@@ -127,7 +124,7 @@ async fn act_with_patience(
     }
 }
 
-/// Creates a built-in policy. All policies but [`HINDSIGHT_POLICY`] ignore the scenario.
+/// Creates a built-in policy. All policies but [`PLANNER_POLICY`] ignore the scenario.
 fn built_in(name: &str, task: &OpenEnvTask, seed: u64) -> anyhow::Result<Box<dyn Policy>> {
     let policy = task.spec.policy(name, &task.example()?, seed);
     policy.with_context(|| format!("{}: --policy", task.spec.id()))

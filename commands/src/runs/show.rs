@@ -55,6 +55,9 @@ impl RunDetails {
             summary.seed,
             summary.created_at
         ));
+        if summary.seed_reused {
+            report.line("An earlier run has the same seed, so its scenarios and their plans may be known.");
+        }
         if !summary.tags.is_empty() {
             report.line(format!("Tags: {}.", summary.tags.join(", ")));
         }

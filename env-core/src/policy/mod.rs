@@ -18,6 +18,9 @@ pub trait Policy: Send {
     fn act(&mut self, observation: &dyn Any, log: &mut ActionLog);
 }
 
+/// Name of the policy of each task that follows the plan of the task's planner.
+pub const PLANNER_POLICY: &str = "reference";
+
 /// A built-in policy, as data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct PolicySpec {

@@ -2,6 +2,7 @@
 
 use api_types::{PolicyRequest, PolicySettings};
 use env_core::format_shortest;
+use env_core::policy::PLANNER_POLICY;
 use env_core::text::{MAX_QUOTED_CHARS, shorten};
 use llm::LlmClient;
 use store::ids::RunId;
@@ -118,13 +119,20 @@ fn settings_from_request(
     Ok(settings)
 }
 
-/// Checks that a task has a built-in policy.
+/// Checks that a task has a built-in policy that the server rolls out: not the planner, whose actions are the reference plan.
 fn check_policy(task: &str, policy: &str) -> Result<(), ServiceError> {
+    if policy == PLANNER_POLICY {
+        let reason = format!(
+            "must not be {PLANNER_POLICY}: its trajectories would disclose the planner's plans; evaluate it with POST /v1/evaluations"
+        );
+        return Err(ServiceError::invalid("policy", reason));
+    }
     let specs = env_core::task(task).map(|task| task.policies()).unwrap_or_default();
     if specs.iter().any(|spec| spec.name == policy) {
         return Ok(());
     }
-    let known: Vec<&str> = specs.iter().map(|spec| spec.name).collect();
+    let known: Vec<&str> =
+        specs.iter().map(|spec| spec.name).filter(|name| *name != PLANNER_POLICY).collect();
     let policy = shorten(policy, MAX_QUOTED_CHARS);
     let reason = format!(
         "must be {}, {}, or a built-in policy of {task} ({}), got {policy:?}",

@@ -77,6 +77,7 @@ impl Change for CreateRun {
             created_at: tx.now,
             archived_at: None,
             paused_at: None,
+            is_seed_reused: runs::record_seed(&mut tx.conn, to_i64(self.seed)).await?,
             tags: NameSet::default(),
             owner: None,
             members: NameSet::default(),

@@ -861,7 +861,7 @@ class PolicyRequest(TypedDict):
     policy: str
     """
     `off`, `chat` (the language model that the server was started with), or a built-in policy that every task of the run
-    has (`GET /v1/tasks` lists them).
+    has (`GET /v1/tasks` lists them). `reference` is not allowed, because its trajectories are the planner's plans.
     """
     refill: NotRequired[bool | None]
     """True to replace groups whose episodes all have the same score (default false)."""
@@ -1127,6 +1127,8 @@ class RunSummary(TypedDict):
     """Newest policy version that the trainer reported."""
     seed: int
     """Seed of the run's random streams."""
+    seed_reused: bool
+    """True if a run that was created before, possibly a deleted one, has the same seed. Its scenarios and their plans may be known."""
     settings: dict[str, Any]
     """Complete settings of the run."""
     status: RunStatus
@@ -2307,6 +2309,11 @@ class Critique(TypedDict):
     """Assessment by the deterministic judge."""
     failures: list[CritiqueFailure]
     """Reasons why score was lost, in order of step."""
+    withheld: NotRequired[str | None]
+    """
+    Reason why failures are without `measures` and `cheapest_avoidance`, and their `explanation` is that of the failure mode;
+    null if the critique is complete.
+    """
 
 
 class Design(DesignSummary):

@@ -26,6 +26,7 @@ mod openapi_conformance;
 mod openenv;
 mod openenv_clients;
 mod physics;
+mod plans;
 mod play;
 mod printed_commands;
 mod python_stubs;

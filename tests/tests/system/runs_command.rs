@@ -48,7 +48,18 @@ fn use_runs(db: &Path, is_served: bool) {
     assert_eq!(created.trim(), "first");
     let _ = stdout(
         db,
-        &["runs", "create", "--id", "second", "--strategy", "plr", "--set", "design.designer=off"],
+        &[
+            "runs",
+            "create",
+            "--id",
+            "second",
+            "--strategy",
+            "plr",
+            "--set",
+            "design.designer=off",
+            "--set",
+            "seed=3",
+        ],
     );
     let listed = stdout(db, &["runs", "list"]);
     let lines: Vec<Vec<&str>> = listed.lines().map(|line| line.split('\t').collect()).collect();
@@ -60,6 +71,9 @@ fn use_runs(db: &Path, is_served: bool) {
     let shown = json_output(db, &["runs", "show", "fir", "--json"]);
     assert_eq!((&shown["id"], &shown["seed"]), (&json!("first"), &json!(3)));
     assert_eq!(shown["mastery"]["tasks"][0]["task"], "kessler/survival");
+    let is_marked =
+        |run: &str| stdout(db, &["runs", "show", run]).contains("An earlier run has the same seed");
+    assert_eq!([is_marked("first"), is_marked("second")], [false, true]);
     let status = json_output(db, &["status", "--json"]);
     assert_eq!((&status["run_count"], status["url"].is_string()), (&json!(2), is_served));
     assert!(stdout(db, &["status", "first"]).contains("kessler/survival"));

@@ -10,7 +10,7 @@ use self::reflex::DockingReflexParameters;
 use super::approach_law::ApproachLaw;
 use super::planner;
 use super::telemetry::DockingTelemetry;
-use crate::policy::{HoldPolicy, PlanPolicy, Policy, PolicyError, PolicySpec, erase_type};
+use crate::policy::{HoldPolicy, PLANNER_POLICY, PlanPolicy, Policy, PolicyError, PolicySpec, erase_type};
 use crate::seed::{Seed, SeedSpace};
 use crate::task::Scenario;
 
@@ -37,7 +37,7 @@ pub static DOCKING_POLICIES: [PolicySpec; 6] = [
         description: "flies at the chief at 0.85 of the speed limit, and at 0.1 m/s within 3 m",
         stochastic: false,
     },
-    PolicySpec { name: "reference", description: "the planner", stochastic: false },
+    PolicySpec { name: PLANNER_POLICY, description: "the planner", stochastic: false },
 ];
 
 /// Creates a policy by name.
@@ -52,7 +52,7 @@ pub fn create_policy(name: &str, scenario: &Scenario, seed: u64) -> Result<Box<d
         "blind" => erase_type(BlindThrustPolicy),
         "frozen" => approach_policy(DockingReflexParameters::random(seed).approach()),
         "heuristic" => approach_policy(ApproachLaw::HEURISTIC),
-        "reference" => {
+        PLANNER_POLICY => {
             erase_type::<DockingTelemetry>(PlanPolicy::new(planner::bracket(scenario)?.reference_plan))
         }
         _ => return Err(PolicyError::unknown(name, &DOCKING_POLICIES)),

@@ -14,7 +14,7 @@ use self::reflex_policy::KesslerReflexPolicy;
 use super::planner;
 use super::reward::Objective;
 use super::telemetry::KesslerTelemetry;
-use crate::policy::{HoldPolicy, PlanPolicy, Policy, PolicyError, PolicySpec, erase_type};
+use crate::policy::{HoldPolicy, PLANNER_POLICY, PlanPolicy, Policy, PolicyError, PolicySpec, erase_type};
 use crate::reflex::Reflex;
 use crate::seed::{Seed, SeedSpace};
 use crate::task::Scenario;
@@ -38,7 +38,7 @@ pub static KESSLER_POLICIES: [PolicySpec; 6] = [
         stochastic: true,
     },
     PolicySpec { name: "heuristic", description: "looks ahead and dodges what it sees", stochastic: false },
-    PolicySpec { name: "reference", description: "the planner, with hindsight", stochastic: false },
+    PolicySpec { name: PLANNER_POLICY, description: "the planner, with hindsight", stochastic: false },
 ];
 
 /// The reflex of kessler.
@@ -66,7 +66,7 @@ pub fn by_name(
         "blind" => erase_type(BlindKickPolicy::new()),
         "frozen" => reflex_policy(KesslerReflexParameters::random(seed)),
         "heuristic" => erase_type(HeuristicPolicy),
-        "reference" => {
+        PLANNER_POLICY => {
             let bracket = planner::bracket(objective, scenario, &|| true)?;
             erase_type::<KesslerTelemetry>(PlanPolicy::new(bracket.reference_plan))
         }

@@ -122,7 +122,7 @@ impl AccessControl {
             let sent = headers.get(header::AUTHORIZATION).and_then(parse_token);
             let is_own = sent.is_some_and(|token| token.hash() == *expected);
             return if is_own {
-                Ok(Caller { identity: ClientIdentity::local() })
+                Ok(Caller { identity: ClientIdentity::local(), role: None })
             } else {
                 Err(unauthenticated("this server accepts only the command that started it").into())
             };
@@ -136,7 +136,7 @@ impl AccessControl {
         }
         if self.is_loopback && !self.openenv_public && !self.tokens_exist().await? {
             check_loopback(headers, uri)?;
-            return Ok(Caller { identity: ClientIdentity::local() });
+            return Ok(Caller { identity: ClientIdentity::local(), role: None });
         }
         self.address_rate.check(&address).map_err(Problem::from)?;
         match permission {
@@ -196,9 +196,8 @@ impl AccessControl {
             Role::Admin => Actor::Admin(token.principal),
             Role::Trainer | Role::Viewer => Actor::Principal(token.principal),
         };
-        Ok(Caller {
-            identity: ClientIdentity { name: Some(name), actor, token: Some(token.id), may_use_runs },
-        })
+        let identity = ClientIdentity { name: Some(name), actor, token: Some(token.id), may_use_runs };
+        Ok(Caller { identity, role: Some(token.role) })
     }
 
     /// Returns true if the audit log records the request. Denials are recorded at a limited rate.
@@ -275,7 +274,8 @@ fn parse_token(authorization: &HeaderValue) -> Option<Token> {
 /// Returns the caller of a request without a token.
 fn anonymous(address: Arc<str>) -> Caller {
     let name = Some(address);
-    Caller { identity: ClientIdentity { name, actor: Actor::Anonymous, token: None, may_use_runs: false } }
+    let identity = ClientIdentity { name, actor: Actor::Anonymous, token: None, may_use_runs: false };
+    Caller { identity, role: None }
 }
 
 /// Returns the key by which an address is limited.

@@ -8,18 +8,23 @@ mod control;
 mod loopback;
 pub(super) mod middleware;
 mod permissions;
+mod plan_access;
 
 pub use self::control::{AccessConfig, AccessControl};
 pub(super) use self::permissions::{Permission, find_operation};
+pub(super) use self::plan_access::plan_denial;
 use crate::leases::create::OwnerQuota;
 use crate::ownership::Actor;
 use crate::sessions::ClientIdentity;
+use store::role::Role;
 
 /// Client that sent a request.
 #[derive(Debug, Clone)]
 pub(super) struct Caller {
     /// Token or address of the client, as sessions identify it.
     pub(super) identity: ClientIdentity,
+    /// Role of the client's token; `None` without a token.
+    pub(super) role: Option<Role>,
 }
 
 impl Caller {

@@ -4,20 +4,26 @@ use api_types::{
     ActionValue, ActionVerdict, AvoidingAction, Critique, CritiqueEncounter, CritiqueFailure,
     EpisodeCritique, FailureMeasure, JudgeAssessment,
 };
+use axum::Extension;
 use axum::extract::State;
 use env_core::critique::{self, Encounter, Failure, Measure, Remedy, Verdict, bearing_sector};
 use env_core::{ActionLog, Scenario};
 
 use super::episodes::StoredEpisode;
 use crate::engine::error::ServiceError;
+use crate::http::access::{Caller, plan_denial};
 use crate::http::extract::{NoQuery, Path};
 use crate::http::path_ids::{parse_id, parse_run_id};
 use crate::http::problem::Problem;
 use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 
-/// Converts the critique of an episode of `scenario`.
-pub(super) fn critique_response(scenario: &Scenario, critique: critique::Critique) -> Critique {
+/// Converts the critique of an episode of `scenario`. If there is a reason to withhold avoiding actions, failures are without them.
+pub(super) fn critique_response(
+    scenario: &Scenario,
+    critique: critique::Critique,
+    withheld: Option<String>,
+) -> Critique {
     let critique::Critique { failures, actions, assessment } = critique;
     let action = |a: critique::ActionVerdict| ActionValue {
         step: a.step,
@@ -26,14 +32,33 @@ pub(super) fn critique_response(scenario: &Scenario, critique: critique::Critiqu
         verdict: action_verdict(a.verdict),
         gain: a.gain,
     };
+    let failures = failures.into_iter().map(|failure| failure_response(scenario, failure));
+    let failures = failures.map(|failure| match withheld {
+        Some(_) => without_avoiding_action(scenario, failure),
+        None => failure,
+    });
     Critique {
-        failures: failures.into_iter().map(|failure| failure_response(scenario, failure)).collect(),
+        failures: failures.collect(),
         actions: actions.into_iter().map(action).collect(),
         assessment: JudgeAssessment {
             value: assessment.value,
             case: assessment.case.to_owned(),
             explanation: assessment.explanation,
         },
+        withheld,
+    }
+}
+
+/// Returns a failure without its avoiding action. Measures and explanation name it, too.
+fn without_avoiding_action(scenario: &Scenario, failure: CritiqueFailure) -> CritiqueFailure {
+    let mode = scenario.task().failure_modes().iter().find(|mode| mode.name == failure.mode);
+    CritiqueFailure {
+        encounter: failure
+            .encounter
+            .map(|encounter| CritiqueEncounter { cheapest_avoidance: None, ..encounter }),
+        measures: Vec::new(),
+        explanation: mode.map_or_else(String::new, |mode| mode.description.to_owned()),
+        ..failure
     }
 }
 
@@ -82,7 +107,8 @@ fn encounter_response(scenario: &Scenario, encounter: Encounter) -> CritiqueEnco
 
 /// Get the critique of an episode: its failures and a verdict on each action.
 ///
-/// The server computes it from the stored actions on each request; it does not affect the curriculum.
+/// The server computes it from the stored actions on each request; it does not affect the curriculum. A client that may not read the
+/// planner's plan of the scenario gets the critique without avoiding actions, and `withheld` says why.
 #[utoipa::path(
     get, path = "/runs/{run}/episodes/{episode}/critique", tag = "failures",
     params(("run" = String, Path, description = "The run's id."), ("episode" = String, Path, description = "The episode's id.")),
@@ -96,24 +122,29 @@ fn encounter_response(scenario: &Scenario, encounter: Encounter) -> CritiqueEnco
 pub(super) async fn get_episode_critique(
     _: NoQuery,
     State(app): State<AppState>,
+    Extension(caller): Extension<Caller>,
     Path((run, episode)): Path<(String, String)>,
 ) -> Result<axum::Json<EpisodeCritique>, Problem> {
     let run = parse_run_id(&run)?;
     let id = parse_id("episode", &episode)?;
     let mut conn = acquire_run_reader(&app, &run).await?;
     let found = StoredEpisode::load(&mut conn, &run, id).await?;
+    let denial = plan_denial(&mut conn, &caller, &found.scenario).await?;
     drop(conn);
     let log = found.log.ok_or_else(|| ServiceError::UnknownEpisode(format!("{episode} with actions")))?;
     let scenario = found.scenario;
     let task = scenario.task().id();
     // Counterfactuals take milliseconds, so that they do not run on the threads of the runtime.
-    let critique = tokio::task::spawn_blocking(move || criticise(&scenario, &log)).await;
+    let critique = tokio::task::spawn_blocking(move || {
+        criticise(&scenario, &log, denial.map(|denial| denial.to_string()))
+    })
+    .await;
     let critique = critique.map_err(|_| Problem::internal())??;
     Ok(axum::Json(EpisodeCritique { episode: found.id.to_string(), task: task.to_owned(), critique }))
 }
 
-fn criticise(scenario: &Scenario, log: &ActionLog) -> Result<Critique, Problem> {
+fn criticise(scenario: &Scenario, log: &ActionLog, withheld: Option<String>) -> Result<Critique, Problem> {
     let critique = scenario.task().critique(scenario, log);
     let critique = critique.map_err(|error| store::StoreError::corrupt("an action log", error))?;
-    Ok(critique_response(scenario, critique))
+    Ok(critique_response(scenario, critique, withheld))
 }

@@ -1,6 +1,7 @@
 //! One episode: get and replay.
 
 use api_types::{Episode, EpisodeReplay, EpisodeState, ReplayPlan, ReplayQuery};
+use axum::Extension;
 use axum::extract::State;
 use env_core::log::Precision;
 use env_core::{ActionLog, Scenario};
@@ -17,6 +18,7 @@ use store::{compacted_leases, from_json};
 
 use super::episode_list::{compacted_summary, episode_summary};
 use crate::engine::error::ServiceError;
+use crate::http::access::{Caller, plan_denial};
 use crate::http::extract::{NoQuery, Path, Query};
 use crate::http::path_ids::{parse_id, parse_run_id};
 use crate::http::problem::Problem;
@@ -106,19 +108,25 @@ async fn compacted_episode(
 }
 
 /// Replay an episode on the server and return the whole state after each step.
+///
+/// `plan=reference` replays the planner's plan. The server does not disclose the plan of an evaluation scenario, discloses no plan
+/// to tokens with the role trainer, and none while a group of the scenario is open or queued in any run.
 #[utoipa::path(
     get, path = "/runs/{run}/episodes/{episode}/replay", tag = "episodes",
     params(("run" = String, Path, description = "The run's id."), ("episode" = String, Path, description = "The episode's id."), ReplayQuery),
     responses(
         (status = 200, body = EpisodeReplay), (status = 400, body = Problem),
+        (status = 403, body = Problem, description = "The client may not read the planner's plan."),
         (status = 404, body = Problem, description = "The episode does not exist, or it has no actions."),
-        (status = 409, body = Problem, description = "The group of the episode is not begun."),
+        (status = 409, body = Problem,
+         description = "The group of the episode is not begun, or the planner's plan is not disclosed while the scenario is in use."),
         (status = 410, body = Problem, description = "The actions of the episode were deleted."),
         (status = 422, body = Problem, description = "The frames exceed 16 MiB.")
     )
 )]
 pub(super) async fn replay_episode(
     State(app): State<AppState>,
+    Extension(caller): Extension<Caller>,
     Path((run, episode)): Path<(String, String)>,
     Query(query): Query<ReplayQuery>,
 ) -> Result<axum::Json<EpisodeReplay>, Problem> {
@@ -126,6 +134,11 @@ pub(super) async fn replay_episode(
     let id = parse_id("episode", &episode)?;
     let mut conn = acquire_run_reader(&app, &run).await?;
     let found = StoredEpisode::load(&mut conn, &run, id).await?;
+    if query.plan == ReplayPlan::Reference
+        && let Some(denial) = plan_denial(&mut conn, &caller, &found.scenario).await?
+    {
+        return Err(denial.into());
+    }
     // The reference plan and the scenario without actions are not disclosed before the episode is reported.
     if found.row.is_none() {
         return Err(ServiceError::UnknownEpisode(format!("{episode} with actions")).into());

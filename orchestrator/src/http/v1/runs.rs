@@ -41,6 +41,7 @@ pub(super) fn run_from_row(row: RunRow) -> Result<RunSummary, Problem> {
         id: row.id,
         name: row.name,
         seed: to_u64(row.seed),
+        seed_reused: row.is_seed_reused,
         status: row.status.convert(),
         created_at: rfc3339(row.created_at),
         archived_at: row.archived_at.map(rfc3339),

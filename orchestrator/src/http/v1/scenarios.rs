@@ -1,6 +1,7 @@
 //! Check of a scenario that a user wrote: validation, bracket, replay and critique.
 
 use api_types::{EpisodeActions, EpisodeOutcome, ReplayedOutcome, ScenarioCheck, ScenarioRequest};
+use axum::Extension;
 use axum::extract::State;
 use env_core::admission::{SuccessRule, admit_while, is_success};
 use env_core::error::ReplayError;
@@ -11,6 +12,7 @@ use serde_json::Value;
 
 use super::episode_critique::critique_response;
 use super::results::{precision, stop_reason};
+use crate::http::access::{Caller, plan_denial};
 use crate::http::extract::{Json, NoQuery, parse_value};
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
@@ -19,7 +21,8 @@ use env_core::frames::{FrameContent, FrameRange, MAX_FRAME_BYTES, frames};
 
 /// Check a scenario: validate it, compute its bracket, and replay and criticise actions on it.
 ///
-/// The server stores nothing.
+/// The server stores nothing. A client that may not read the planner's plan of the scenario gets the critique without avoiding
+/// actions, and `critique.withheld` says why.
 #[utoipa::path(
     post, path = "/scenarios", tag = "scenarios", request_body = ScenarioRequest,
     responses(
@@ -31,15 +34,18 @@ use env_core::frames::{FrameContent, FrameRange, MAX_FRAME_BYTES, frames};
 pub(super) async fn check_scenario(
     _: NoQuery,
     State(app): State<AppState>,
+    Extension(caller): Extension<Caller>,
     Json(body): Json<Value>,
 ) -> Result<axum::Json<ScenarioCheck>, Problem> {
     let request = read_request(body)?;
     let scenario = user_scenario(&request.scenario)?;
-    let check = app
-        .concurrency
-        .planning
-        .run(move |wanted| evaluate(&scenario, request.actions, request.telemetry, wanted))
-        .await?;
+    let denial = plan_denial(&mut *app.readers.acquire().await?, &caller, &scenario).await?;
+    let options = CheckOptions {
+        actions: request.actions,
+        telemetry: request.telemetry,
+        withheld: denial.map(|denial| denial.to_string()),
+    };
+    let check = app.concurrency.planning.run(move |wanted| evaluate(&scenario, options, wanted)).await?;
     Ok(axum::Json(check?))
 }
 
@@ -85,12 +91,22 @@ fn read_request(body: Value) -> Result<ScenarioRequest, Problem> {
     parse_value(body)
 }
 
+/// Parts of the check of a scenario that depend on the request.
+struct CheckOptions {
+    /// Actions to replay and criticise.
+    actions: Option<EpisodeActions>,
+    /// True if the check includes frames with observations.
+    telemetry: bool,
+    /// Reason why the critique is without avoiding actions.
+    withheld: Option<String>,
+}
+
 fn evaluate(
     scenario: &Scenario,
-    actions: Option<EpisodeActions>,
-    telemetry: bool,
+    options: CheckOptions,
     wanted: &dyn Fn() -> bool,
 ) -> Result<ScenarioCheck, Problem> {
+    let CheckOptions { actions, telemetry, withheld } = options;
     // `None` means that the client has disconnected.
     let admission = admit_while(scenario, wanted).ok_or_else(Problem::timed_out)?;
     let (mut replayed, mut critique) = (None, None);
@@ -107,7 +123,7 @@ fn evaluate(
         });
         let found =
             scenario.task().critique(scenario, &log).map_err(|error| replay_problem("actions", error))?;
-        critique = Some(critique_response(scenario, found));
+        critique = Some(critique_response(scenario, found, withheld));
     }
     let frames = (telemetry && admission.fair.is_ok())
         .then(|| frames(scenario, &log, FrameContent::Telemetry, FrameRange::all(MAX_FRAME_BYTES)))

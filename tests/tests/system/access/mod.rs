@@ -39,7 +39,7 @@ fn create_token_of(db: &Path, name: &str, principal: &str, role: &str) -> String
 }
 
 /// Starts a server that requires a token; returns it with one token for each role.
-async fn start_with_tokens(
+pub(crate) async fn start_with_tokens(
     setup: impl Fn(Config) -> Config + Send + Sync + 'static,
 ) -> (Server, BTreeMap<&'static str, String>) {
     let mut server = Server::with_config(setup).await;

@@ -4,4 +4,4 @@ mod captured_exchanges;
 mod judge;
 mod run_sessions;
 mod sessions;
-mod socket;
+pub(crate) mod socket;

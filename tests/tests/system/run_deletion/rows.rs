@@ -12,12 +12,13 @@ use super::populate::create_populated_run;
 use super::{archive, archive_and_delete, create};
 
 /// Tables whose rows belong to no run.
-const SERVER_TABLES: [&str; 6] = [
+const SERVER_TABLES: [&str; 7] = [
     "_sqlx_migrations",
     "audit_log",
     "highest_deleted_lease",
     "principals",
     "sqlite_sequence",
+    "used_run_seeds",
     "write_probe",
 ];
 
