@@ -8,6 +8,7 @@
 //! not needed any more, and the test `query_plans` keeps statements from reading whole tables.
 
 pub mod audit_log;
+pub mod audit_samples;
 mod backup;
 pub mod brackets;
 pub mod columns;

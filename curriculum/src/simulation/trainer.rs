@@ -12,10 +12,10 @@ const RETURNED_GROUPS: usize = 3;
 /// Probability that a preempted trainer stops during a lease.
 const PREEMPTION_PROBABILITY: f64 = 0.3;
 
-/// Kind of trainer.
+/// Kind of simulated trainer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum TrainerKind {
-    /// Reports every result.
+    /// Reports every result as it is.
     Honest,
     /// Reports groups whose episodes all succeeded, and renews the leases of the others for ever.
     Withholds,

@@ -52,7 +52,7 @@ struct Trainer {
     retries: f64,
 }
 
-/// Random case.
+/// Random case of the laws.
 #[derive(Debug, Clone)]
 struct Case {
     seed: u64,

@@ -7,7 +7,8 @@ use std::sync::Arc;
 use env_core::{Seed, SeedSpace};
 use rayon::ThreadPool;
 use sqlx::SqliteConnection;
-use store::columns::{self, SampledGroupRow, SeedRangeRow};
+use store::audit_samples::{self, SampledGroupRow};
+use store::columns::{self, SeedRangeRow};
 use store::leases::{self, Disclosure, LeaseForm, LeaseRow, Purpose};
 use store::{StoreError, brackets, from_json, proposals, scenarios, to_i64, to_u32};
 
@@ -185,7 +186,7 @@ impl CreateColumnLease {
             let (number, is_contested) = (group.number, group.is_contested);
             rows.push(SampledGroupRow { number, scenario: id.0.to_vec(), is_contested, is_slot });
         }
-        columns::insert_sample(conn, row.id, &rows).await?;
+        audit_samples::insert(conn, row.id, &rows).await?;
         Ok(state.open_slots(conn, slots, now).await?)
     }
 }

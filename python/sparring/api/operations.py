@@ -448,6 +448,13 @@ class Leases:
         )
         return response
 
+    def begin_groups(self, run: str, lease: str, **body: Unpack[types.BeginGroupsRequest]) -> types.Lease:
+        """Begin groups of a lease with `disclosure: begin`."""
+        response: types.Lease = self._send(
+            "POST", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}/groups/begin", {}, body, is_repeatable=True
+        )
+        return response
+
     def release(self, run: str, lease: str) -> types.LeaseSummary:
         """Release a lease."""
         response: types.LeaseSummary = self._send(
@@ -1177,6 +1184,13 @@ class AsyncLeases:
         """Get a lease with its groups."""
         response: types.Lease = await self._send(
             "GET", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}", {}, None, is_repeatable=True
+        )
+        return response
+
+    async def begin_groups(self, run: str, lease: str, **body: Unpack[types.BeginGroupsRequest]) -> types.Lease:
+        """Begin groups of a lease with `disclosure: begin`."""
+        response: types.Lease = await self._send(
+            "POST", f"/v1/runs/{_segment(run)}/leases/{_segment(lease)}/groups/begin", {}, body, is_repeatable=True
         )
         return response
 

@@ -113,6 +113,13 @@ class BearingSector(TypedDict):
     """Number of the sector, from 0."""
 
 
+class BeginGroupsRequest(TypedDict):
+    """Request to begin groups of a lease with `disclosure: begin`."""
+
+    groups: list[int]
+    """Numbers of the groups to begin, at least one and at most 1 024."""
+
+
 class BuiltInPolicy(TypedDict):
     """Built-in policy of a task."""
 
@@ -352,12 +359,16 @@ class EpisodeCounts(TypedDict):
     """Number of expired episodes."""
     failed: int
     """Number of failed episodes."""
+    missing: NotRequired[float | None]
+    """Share of missing episodes, (failed + expired) / (episodes + failed + expired)."""
     score: NotRequired[float | None]
     """Mean score of the episodes."""
     skill: NotRequired[float | None]
     """Mean skill, over scenarios that define one."""
     success: NotRequired[float | None]
-    """Success rate: successes / episodes."""
+    """Success rate with missing episodes counted as failures: successes / (episodes + failed + expired)."""
+    success_high: NotRequired[float | None]
+    """Success rate with missing episodes counted as successes."""
     successes: int
     """Number of successes among them."""
 
@@ -713,6 +724,10 @@ LayoutKind: TypeAlias = Literal["threat", "decoy"]
 """Kind of a layout."""
 
 
+LeaseDisclosure: TypeAlias = Literal["lease", "begin"]
+"""When a lease discloses its scenarios."""
+
+
 LeaseForm: TypeAlias = Literal["groups", "columns"]
 """Form in which the episodes of a lease are named and reported."""
 
@@ -724,6 +739,11 @@ LeasePurpose: TypeAlias = Literal["train", "probe", "eval"]
 class LeaseRequest(TypedDict):
     """Request for a lease."""
 
+    disclosure: NotRequired[LeaseDisclosure]
+    """
+    `lease` (default): the response has all scenarios, and each group counts from then on. `begin`: the trainer receives a
+    scenario when it begins the group, and groups that it never begins are returned without loss.
+    """
     evaluation: NotRequired[str | None]
     """With `purpose: eval`: id of the evaluation. The lease has at most `groups` of its scenarios that no other active lease has."""
     form: NotRequired[LeaseForm]
@@ -796,20 +816,27 @@ class ManualPhysicsChoice(TypedDict):
 
 
 class MasteryEstimate(TypedDict):
-    """Posterior of success: Beta(1, 1) updated by the last 64 contested scenarios."""
+    """
+    Posterior of success: Beta(1, 1) updated by the last 64 slots. Mean and 10 % quantile count missing episodes as failures, the 90 %
+    quantile as successes.
+    """
 
     level: NotRequired[int | None]
     """Level of the estimate."""
     mean: float
-    """Mean of the posterior."""
+    """Mean of the posterior, missing episodes counted as failures."""
+    missing: float
+    """Share of the outcomes behind the estimate that are missing, from 0 to 1."""
     n: int
-    """Number of scenarios behind the estimate."""
+    """Number of slots behind the estimate."""
+    open: int
+    """Number of slots that do not count yet: leased without a result, or with one that waits for earlier slots."""
     q10: float
-    """10 % quantile of the posterior."""
+    """10 % quantile of the posterior, missing episodes counted as failures."""
     q90: float
-    """90 % quantile of the posterior."""
+    """90 % quantile of the posterior, missing episodes counted as successes."""
     seen: int
-    """Number of scenarios since the start of the run."""
+    """Number of slots since the start of the run."""
 
 
 MessageContent: TypeAlias = Literal["none", "kept", "dropped"]
@@ -967,6 +994,7 @@ RefusalCode: TypeAlias = Literal[
     "version_mismatch",
     "expired",
     "columns_mismatch",
+    "not_begun",
 ]
 """Reason why a reported episode is refused."""
 
@@ -1311,6 +1339,8 @@ class TaskMastery(TypedDict):
     """Results of the episodes on designed layouts, which aim at the agent's failures."""
     group_counts: GroupCounts
     """Numbers of closed groups with several episodes; all zeros if groups have one episode."""
+    held_back: NotRequired[str | None]
+    """Reason why the level does not rise although results are there, in one sentence; null if missing results hold nothing back."""
     level: NotRequired[int | None]
     """Current level; null during placement and under a strategy without levels."""
     levels: list[MasteryEstimate]
@@ -1335,14 +1365,18 @@ class TaskMastery(TypedDict):
 class TaskOverview(TypedDict):
     """Level and mastery of a task."""
 
+    held_back: NotRequired[str | None]
+    """Reason why the level does not rise although results are there, in one sentence; null if missing results hold nothing back."""
     level: NotRequired[int | None]
     """Current level; null during placement and under a strategy without levels."""
     mastery: NotRequired[float | None]
-    """Mean of the posterior of success on contested scenarios; null before there is evidence."""
+    """Mean of the posterior of success on contested scenarios, missing episodes counted as failures; null before there is evidence."""
     mastery_high: NotRequired[float | None]
-    """90 % quantile of the posterior."""
+    """90 % quantile of the posterior, missing episodes counted as successes."""
     mastery_low: NotRequired[float | None]
-    """10 % quantile of the posterior."""
+    """10 % quantile of the posterior, missing episodes counted as failures."""
+    missing: NotRequired[float | None]
+    """Share of the outcomes behind the posterior that are missing."""
     task: str
     """Id of the task."""
 
@@ -1389,7 +1423,7 @@ class TaskSeries(TypedDict):
     contested_scenarios: list[int]
     """Number of contested scenarios with results."""
     contested_success: list[float | None]
-    """Mean success rate on contested scenarios."""
+    """Mean success rate on slots: contested scenarios that are evidence, missing episodes counted as failures."""
     episodes: list[int]
     """Number of finished episodes."""
     level: list[int | None]
@@ -1415,7 +1449,7 @@ class TaskSeries(TypedDict):
     skill: list[float | None]
     """Mean skill, over scenarios that define one."""
     success: list[float | None]
-    """Success rate of all episodes."""
+    """Success rate of all episodes, missing ones counted as failures."""
     task: str
     """Id of the task."""
     zero_variance_share: list[float | None]
@@ -1465,6 +1499,15 @@ class Trend(TypedDict):
     """Value over all criticised episodes."""
     recent: float
     """Weighted value, over recent episodes."""
+
+
+class UndisclosedGroup(TypedDict):
+    """Group of a lease whose scenario is not disclosed yet."""
+
+    group: int
+    """Number of the group in the lease."""
+    task: str
+    """Id of the task."""
 
 
 class VerdictCount(TypedDict):
@@ -1613,11 +1656,6 @@ class DesignSettingsRequest(TypedDict):
     """Settings of the layouts that are designed for the agent's failures. Every field may be left out."""
 
     designer: NotRequired[DesignerChoice | None]
-    evidence: NotRequired[bool | None]
-    """
-    True if results of designed groups move levels and mastery (default false). Only threats that were designed at the current
-    level count.
-    """
     layout_share: NotRequired[float | None]
     """Largest share of training groups for one layout, above 0 and at most 1 (default 0.05); four groups are always allowed."""
     reserve: NotRequired[int | None]
@@ -2412,6 +2450,8 @@ class Evaluation(EvaluationSummary):
 class Lease(TypedDict):
     """Lease of groups. Recipes are listed once; each group refers to a recipe and a seed."""
 
+    disclosure: LeaseDisclosure
+    """When the lease discloses its scenarios."""
     expires_at: str
     """Time at which the lease expires, RFC 3339."""
     form: LeaseForm
@@ -2419,7 +2459,7 @@ class Lease(TypedDict):
     group_size: int
     """Number of episodes in each group."""
     groups: list[LeasedGroup]
-    """Groups of the lease; for a lease of columns only the audited groups."""
+    """Disclosed groups of the lease; for a lease of columns only the audited groups."""
     lease: str
     """Id of the lease."""
     policy_version: int
@@ -2434,6 +2474,8 @@ class Lease(TypedDict):
     """Id of the run."""
     status: LeaseStatus
     """Status of the lease."""
+    undisclosed: NotRequired[list[UndisclosedGroup]]
+    """Groups that can be begun; omitted if there are none."""
 
 
 class Run(RunSummary):

@@ -31,7 +31,7 @@ pub(crate) const MIN_SLOTS_FOR_WARNING: u32 = 8;
 /// Settled slots of one level, up to the size of a block.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct EvidenceBlock {
-    /// Number of slots.
+    /// Number of slots in the block.
     pub(crate) n: u32,
     /// Sum of the low ends of their intervals.
     pub(crate) low: f64,

@@ -53,7 +53,7 @@ impl MoveEvidence {
 /// Summary of a full block of slots.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct BlockSummary {
-    /// Number of slots.
+    /// Number of slots in it.
     pub n: u32,
     /// Sum of their success rates, missing episodes counted as failures.
     pub low: f64,
@@ -77,7 +77,7 @@ pub struct BlockSummary {
 pub struct ProbeSummary {
     /// Level that was probed.
     pub level: u32,
-    /// Number of slots.
+    /// Number of slots in it.
     pub n: u32,
     /// Sum of their success rates, missing episodes counted as failures.
     pub low: f64,

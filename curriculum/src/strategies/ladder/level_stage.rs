@@ -17,7 +17,7 @@ pub(super) struct LevelStage {
     /// Slots of the current level that are not settled.
     pub(super) queue: SlotQueue,
     pub(super) filling: EvidenceBlock,
-    /// Latest full block.
+    /// The latest full block.
     pub(super) last: Option<EvidenceBlock>,
     /// Number of full blocks.
     pub(super) blocks: u32,

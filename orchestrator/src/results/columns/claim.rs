@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use env_core::{Scenario, format_shortest};
 use sqlx::SqliteConnection;
-use store::columns::{self, ClaimState, ColumnClaimRow, RangeTotals, SampledGroupRow, SeedRangeRow};
+use store::audit_samples::SampledGroupRow;
+use store::columns::{self, ClaimState, ColumnClaimRow, RangeTotals, SeedRangeRow};
 use store::compacted_leases::{self, CompactedClaim};
 use store::groups::{self, GroupRow};
 use store::ids::{LeaseId, RunId};

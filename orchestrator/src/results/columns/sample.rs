@@ -1,7 +1,8 @@
 //! The audit sample of a lease, as groups of the lease.
 
 use sqlx::SqliteConnection;
-use store::columns::{self, SampledGroupRow, SeedRangeRow};
+use store::audit_samples::{self, SampledGroupRow};
+use store::columns::{self, SeedRangeRow};
 use store::groups::GroupRow;
 use store::leases::LeaseRow;
 
@@ -46,8 +47,8 @@ pub(crate) async fn take_sample(
     lease: &LeaseRow,
     is_evidence: bool,
 ) -> Result<Vec<GroupRow>, ServiceError> {
-    let sample = columns::sample(conn, lease.id).await?;
-    columns::delete_sample(conn, lease.id).await?;
+    let sample = audit_samples::of_lease(conn, lease.id).await?;
+    audit_samples::delete(conn, lease.id).await?;
     let ranges = columns::ranges(conn, lease.id).await?;
     let row = |sampled: SampledGroupRow| {
         let range = ranges.iter().find(|range| range.holds(sampled.number))?;

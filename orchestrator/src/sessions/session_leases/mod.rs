@@ -3,6 +3,7 @@
 //! Start reading at [`SessionLeases::reserve`]. [`pool`] has the episodes of one lease, [`reservation`] one episode while a
 //! session runs it, [`run_end`] tells sessions that their run was deleted.
 
+mod attempts;
 pub(super) mod pool;
 mod reservation;
 mod run_end;
@@ -29,7 +30,6 @@ use self::run_end::{RunEnd, RunEnds};
 use self::stored_lease::{find_active, find_run, load_groups};
 use super::session_request::EpisodeSource;
 use crate::engine::error::ServiceError;
-use crate::leases::begin::BeginGroups;
 use crate::leases::create::{CreateLease, OwnerQuota};
 use crate::leases::lease_service::LeaseService;
 use crate::leases::renew::RenewLease;
@@ -38,7 +38,6 @@ use crate::results::reported::ReportedEpisode;
 use crate::results::store_verdict::StoreVerdict;
 use crate::runs::settings::RunSettings;
 use crate::runs::version_step::check_version_step;
-use crate::sessions::abandon::AbandonEpisodes;
 
 /// Time after which a session's own lease expires without a renewal, in seconds.
 pub const SESSION_LEASE_TTL_S: u32 = 600;
@@ -210,68 +209,6 @@ impl SessionLeases {
             }
             tracing::warn!(%lease, %error, "The lease of a session could not be renewed.");
         }
-    }
-
-    /// Begins groups of a task until `wanted` of its episodes can be taken, or no group is left.
-    ///
-    /// # Errors
-    /// Returns the error of [`BeginGroups`].
-    pub(super) async fn begin_for_task(
-        &self,
-        pool: &SharedPool,
-        task: &str,
-        wanted: usize,
-    ) -> Result<(), ServiceError> {
-        let numbers = pool.lock().unbegun_groups(task, wanted);
-        self.begin(pool, numbers).await
-    }
-
-    /// Begins groups of a lease.
-    async fn begin(&self, pool: &SharedPool, numbers: Vec<i64>) -> Result<(), ServiceError> {
-        if numbers.is_empty() {
-            return Ok(());
-        }
-        let (run, lease) = {
-            let pool = pool.lock();
-            (pool.run.clone(), pool.lease.clone())
-        };
-        let change = BeginGroups { run, lease, groups: numbers.clone(), actor: Actor::Server };
-        self.lease_service.writer.change(change).await?;
-        pool.lock().set_begun(&numbers);
-        Ok(())
-    }
-
-    /// Stores that sessions left episodes of a pool. Reports of later attempts must come after this.
-    ///
-    /// # Errors
-    /// Returns the error of the store; the next call tries again.
-    async fn store_abandoned(&self, pool: &SharedPool) -> Result<(), ServiceError> {
-        let (lease, groups) = {
-            let mut pool = pool.lock();
-            (pool.lease.number, std::mem::take(&mut pool.abandoned))
-        };
-        if groups.is_empty() {
-            return Ok(());
-        }
-        let change = AbandonEpisodes { lease, groups: groups.clone() };
-        let stored = self.lease_service.writer.change(change).await;
-        if stored.is_err() {
-            pool.lock().abandoned.extend(groups);
-        }
-        stored
-    }
-
-    /// Stores in the background that sessions left episodes of a pool.
-    pub(super) fn spawn_store_abandoned(self: &Arc<Self>, pool: &SharedPool) {
-        if pool.lock().abandoned.is_empty() {
-            return;
-        }
-        let (leases, pool) = (Arc::clone(self), Arc::clone(pool));
-        self.spawn_tracked(async move {
-            if let Err(error) = leases.store_abandoned(&pool).await {
-                tracing::warn!(%error, "The end of a session could not be stored; the next report tries again.");
-            }
-        });
     }
 
     /// Reports finished episodes of a pool; retries for a while if the server is busy.
