@@ -113,6 +113,7 @@ pages_run! {
     operations_commands_run: "docs/guides/operations.md",
     train_trl_commands_run: "docs/guides/train-trl.md",
     design_language_commands_run: "docs/reference/design-language.md",
+    evidence_commands_run: "docs/reference/evidence.md",
     openenv_commands_run: "docs/reference/openenv.md",
     strategies_commands_run: "docs/reference/strategies.md",
     trajectories_commands_run: "docs/reference/trajectories.md",

@@ -19,9 +19,10 @@ enum End {
     ClaimsFailures,
 }
 
-/// Settings with so few audited groups that many leases have no lost one among them.
+/// Settings with many contested scenarios, and few audited groups: many leases have no lost group among them.
 fn settings() -> Value {
-    json!({"audit_groups": 8})
+    let table = json!({"columns": ["debris", "spread", "fuel"], "rows": [[100, 1, 20], [125, 1, 10]]});
+    json!({"audit_groups": 8, "task_settings": {"kessler/survival": {"levels": table}}})
 }
 
 async fn run_lease(api: &ApiClient, run: &str, end: End) {
