@@ -29,6 +29,8 @@ struct SourcedPlan {
     source: VectorSource,
     /// Pool of the lease; `None` without a lease.
     pool: Option<SharedPool>,
+    /// Version of the policy that acts; `None` for the version of the lease.
+    policy_version: Option<u32>,
 }
 
 impl SessionManager {
@@ -54,7 +56,8 @@ impl SessionManager {
             ));
         }
         let permit = self.acquire_vector_permit(client, &source)?;
-        let SourcedPlan { mut plan, source, pool } = self.plan_vector(&request, source, client.actor).await?;
+        let planned = self.plan_vector(&request, source, client.actor).await?;
+        let SourcedPlan { mut plan, source, pool, policy_version } = planned;
         let measure = move || plan.measure().map(|measured| (plan, measured));
         let (plan, measured) = run_on(&self.threads, measure).await.ok_or(VectorError::Lost)??;
         let (task, layout) = (plan.task, plan.layout(measured.shape)?);
@@ -63,7 +66,8 @@ impl SessionManager {
         let create = move || {
             let PlannedBatch { batch, assigned } = plan.create_batch()?;
             let assigner = assigned.zip(assigner_pool).map(|(assigned, pool)| {
-                LeaseAssigner::new(pool, task.id(), assigned, measured.shape, autoreset)
+                let assigner = LeaseAssigner::new(pool, task.id(), assigned, measured.shape, autoreset);
+                assigner.with_policy_version(policy_version)
             });
             let mut batch = Box::new(EnvBatch::new(batch, layout, assigner));
             let bytes = batch.reset(0, None)?;
@@ -113,7 +117,8 @@ impl SessionManager {
             EpisodeSource::Scenario(scenario) => {
                 let (task, seed) = (scenario.task(), scenario.seed().get());
                 let plan = VectorPlan { task, config, scenarios: vec![scenario], is_leased: false };
-                Ok(SourcedPlan { plan, source: VectorSource::Recipe { seed }, pool: None })
+                let source = VectorSource::Recipe { seed };
+                Ok(SourcedPlan { plan, source, pool: None, policy_version: None })
             }
             EpisodeSource::Run { .. } => {
                 Err(invalid("lease_id", "is required for a vector session of a run; create a lease first"))
@@ -124,13 +129,14 @@ impl SessionManager {
             EpisodeSource::Lease { episode: Some(_), .. } => {
                 Err(invalid("episode_id", "must be left out: a vector session runs all episodes of a lease"))
             }
-            EpisodeSource::Lease { run, lease, .. } => {
-                self.leases.check_run(actor, &run, None).await?;
+            EpisodeSource::Lease { run, lease, policy_version, .. } => {
+                self.leases.check_run(actor, &run, policy_version).await?;
                 let pool = self.leases.lease_pool(run.clone(), lease.clone(), actor).await?;
                 let plan = plan_pool(&pool.lock(), config, request.task)?;
                 // Each environment starts with an episode.
                 self.leases.begin_for_task(&pool, plan.task.id(), config.envs).await?;
-                Ok(SourcedPlan { plan, source: VectorSource::Lease { run, lease }, pool: Some(pool) })
+                let source = VectorSource::Lease { run, lease };
+                Ok(SourcedPlan { plan, source, pool: Some(pool), policy_version })
             }
         }
     }

@@ -36,6 +36,8 @@ pub(crate) struct LeaseAssigner {
     pool: SharedPool,
     task: &'static str,
     assigner: EpisodeAssigner<i64>,
+    /// Version of the policy that acts; `None` for the version of the lease.
+    policy_version: Option<u32>,
 }
 
 impl LeaseAssigner {
@@ -47,7 +49,13 @@ impl LeaseAssigner {
         shape: BatchShape,
         autoreset: Autoreset,
     ) -> Self {
-        Self { pool, task, assigner: EpisodeAssigner::new(assigned, shape, autoreset) }
+        Self { pool, task, assigner: EpisodeAssigner::new(assigned, shape, autoreset), policy_version: None }
+    }
+
+    /// Sets the version of the policy that acts.
+    pub(crate) fn with_policy_version(mut self, policy_version: Option<u32>) -> Self {
+        self.policy_version = policy_version;
+        self
     }
 
     /// Assigns episodes to the slots that a step will start.
@@ -89,7 +97,7 @@ impl LeaseAssigner {
         let claim = |episode: AssignedEpisode<i64>| ReportedEpisode {
             episode: EpisodeId { lease: lease.clone(), index: episode.id }.to_string(),
             outcome: ReportedOutcome::Logged(episode.actions.to_log()),
-            policy_version: None,
+            policy_version: self.policy_version,
             metrics: None,
         };
         finished.into_iter().map(claim).collect()

@@ -35,7 +35,9 @@ async fn every_episode_of_a_lease_runs_and_counts_once() {
         let api = server.api();
         create_run(&api, "run").await;
         let lease = api.lease("run", json!({"groups": 9, "policy_version": 3})).await;
-        let (mut vector, first) = VectorSession::open(&api, open_options(lease.id(), 4, mode)).await;
+        let mut options = open_options(lease.id(), 4, mode);
+        options["policy_version"] = json!(5); // a later one than that of the lease
+        let (mut vector, first) = VectorSession::open(&api, options).await;
         assert_eq!(first.episodes, [0, 1, 2, 3], "{mode}");
         let frames = step_until_idle(&mut vector, first).await;
         let last = frames.last().unwrap();
@@ -62,7 +64,7 @@ async fn every_episode_of_a_lease_runs_and_counts_once() {
         let stored = episodes(&api).await;
         assert_eq!(stored.len(), 18);
         assert!(
-            stored.iter().all(|episode| episode["policy_version"] == 3 && episode["state"] == "finished")
+            stored.iter().all(|episode| episode["policy_version"] == 5 && episode["state"] == "finished")
         );
         assert_rewards_match_scores(&frames, &stored);
         let id = lease.id();
