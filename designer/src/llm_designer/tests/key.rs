@@ -27,6 +27,9 @@ async fn repeated_key_appears_in_no_output() {
     let writer = buffer.clone();
     let logs =
         tracing_subscriber::fmt().with_max_level(tracing::Level::TRACE).with_writer(move || writer.clone());
+    // While one dispatcher exists only, tracing asks the current thread whether a log statement is enabled: a test on
+    // another thread, which has no subscriber, would disable it for all threads.
+    let _second = tracing::Dispatch::new(tracing_subscriber::registry());
     // Everything runs on this thread, so the buffer gets all logs.
     let _guard = tracing::subscriber::set_default(logs.finish());
     // An endpoint that repeats the key in every way.
@@ -44,9 +47,6 @@ async fn repeated_key_appears_in_no_output() {
         ResponseTemplate::new(200).set_body_json(json!({"choices": [{"message": {"refusal": KEY}}]})),
     ])
     .await;
-    // A test on another thread may have met a log statement for the first time while the subscriber was set, and have
-    // disabled it.
-    tracing::callsite::rebuild_interest_cache();
     let config = LlmConfig { key: Some(KEY.into()), ..test_config(&server.uri()) };
     let mut outputs = vec![format!("{config:?}"), format!("{config:#?}")];
     let client = LlmClient::new(config).unwrap();
