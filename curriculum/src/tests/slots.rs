@@ -88,7 +88,7 @@ fn result_waits_for_the_slots_before_it() {
     let status = survival_status(&curriculum);
     assert_eq!((status.blocks, status.block.unwrap().open, status.block.unwrap().waiting), (0, 1, 63));
     assert!(
-        status.held_back.unwrap().starts_with("63 results wait for 1 leased scenarios"),
+        status.held_back.unwrap().starts_with("63 results wait for 1 leased scenario without"),
         "the run says why"
     );
     assert_eq!(curriculum.mastery()[0].n, 0);

@@ -31,6 +31,14 @@ pub enum SessionError {
     /// The session was not reset yet.
     #[error("no episode is running; reset first")]
     NotStarted,
+    /// The step names another episode than the running one: another client reset the session.
+    #[error("the session runs the episode {running}, not {named}; use a session of its own for each client")]
+    OtherEpisode {
+        /// Id of the running episode.
+        running: String,
+        /// Id that the step names.
+        named: String,
+    },
     /// The episode has ended.
     #[error("the episode is over; reset to start another")]
     Over,

@@ -94,8 +94,9 @@ fn waiting_hold(queue: &SlotQueue, size: u32) -> Option<String> {
     let (open, waiting) = (queue.open_count(), queue.waiting_count());
     (waiting >= size).then(|| {
         format!(
-            "{waiting} results wait for {open} leased scenarios without a result: results count in the order \
-             of the leases"
+            "{waiting} results wait for {open} leased {} without a result: results count in the order of the \
+             leases",
+            if open == 1 { "scenario" } else { "scenarios" }
         )
     })
 }

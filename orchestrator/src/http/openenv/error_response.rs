@@ -55,7 +55,7 @@ impl From<SessionError> for ErrorResponse {
     fn from(error: SessionError) -> Self {
         match error {
             SessionError::Action(errors) => Self::validation(&errors),
-            SessionError::NotStarted | SessionError::Over => {
+            SessionError::NotStarted | SessionError::OtherEpisode { .. } | SessionError::Over => {
                 Self::new(StatusCode::CONFLICT, error.to_string())
             }
             SessionError::Refused(_) | SessionError::Scenario(_) => {

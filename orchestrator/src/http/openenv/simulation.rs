@@ -16,7 +16,7 @@ use super::fields::{FieldReader, read_session_request};
 use super::step_response;
 use super::tasks::{RESET_ORDER, built_in_task};
 use crate::http::state::AppState;
-use crate::sessions::{EpisodeSource, MAX_NAME_CHARS, SessionKey, SessionStatus};
+use crate::sessions::{EpisodeSource, MAX_NAME_CHARS, SessionError, SessionKey, SessionStatus};
 
 /// Header that names the session of a request.
 pub(super) const SESSION_HEADER: &str = "x-session-id";
@@ -120,10 +120,12 @@ pub(super) async fn begin_episode(
 }
 
 /// Step the environment by `{"action": …}` or by the fields of the action.
+///
+/// With `episode_id`, the id of a reset, the step is refused if another client has reset the session since.
 #[utoipa::path(
     post, path = "/step", tag = "openenv", request_body(content = Object, content_type = "application/json"),
     responses(
-        (status = 200, body = Object), (status = 409, body = Object, description = "No episode is running; reset first."),
+        (status = 200, body = Object), (status = 409, body = Object, description = "No episode is running, or another one than `episode_id`; reset first."),
         (status = 408, body = Object), (status = 413, body = Object), (status = 422, body = Object),
         (status = 429, body = Object), (status = 503, body = Object)
     )
@@ -136,9 +138,18 @@ pub(super) async fn step_environment(
 ) -> Result<Response, ErrorResponse> {
     let name = session_key(&headers, &caller)?;
     let missing = |loc| ErrorResponse::single("missing", loc, "Field required", Value::Null);
-    let action = action_from_body(fields.ok_or_else(|| missing(body::body_location()))?)?;
-    let session = app.sessions.get(&name).ok_or(crate::sessions::SessionError::NotStarted)?;
+    let mut fields = fields.ok_or_else(|| missing(body::body_location()))?;
+    let named = fields.get("episode_id").and_then(Value::as_str).map(str::to_owned);
+    if named.is_some() {
+        fields.remove("episode_id");
+    }
+    let action = action_from_body(fields)?;
+    let session = app.sessions.get(&name).ok_or(SessionError::NotStarted)?;
     let mut session = session.lock().await;
+    let running = session.status().episode_id;
+    if let Some(named) = named.filter(|named| named != running) {
+        return Err(SessionError::OtherEpisode { running: running.to_owned(), named }.into());
+    }
     Ok(step_response::http_response(&session.step(&action).await?))
 }
 

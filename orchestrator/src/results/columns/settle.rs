@@ -102,7 +102,9 @@ async fn count_audited(tx: &mut WriteTx, lease: &LeaseRow, groups: &[GroupRow]) 
                 ..TaskCounters::default()
             });
         }
-        episodes_of.entry(&group.task).or_default().extend(span.from..span.to);
+        if group.finished > 0 {
+            episodes_of.entry(&group.task).or_default().extend(span.from..span.to);
+        }
     }
     task_counters::add(conn, &lease.run, &counters).await?;
     for (key, sum) in &counters {

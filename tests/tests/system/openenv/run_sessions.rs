@@ -51,6 +51,26 @@ async fn episodes_of_runs_need_sessions_of_their_own() {
     }
 }
 
+/// A second reset in the same session ends the first episode. A step that names the first one changes nothing.
+#[tokio::test(flavor = "multi_thread")]
+async fn step_of_another_reset_is_refused() {
+    let server = Server::start().await;
+    let api = server.api().with_session("shared");
+    let settings = json!({"id": "run", "tasks": ["kessler/survival"], "design": {"designer": "off"}});
+    let _ = api.post("/v1/runs", settings).await.expect(201);
+    let reset = async || {
+        let _ = api.post("/reset", json!({"run": "run"})).await.expect(200);
+        api.get("/state").await.expect(200)["episode_id"].as_str().unwrap().to_owned()
+    };
+    let (first, second) = (reset().await, reset().await);
+    let step = |episode: &str| json!({"burns": [], "episode_id": episode});
+    let refused = api.post("/step", step(&first)).await.expect(409);
+    assert!(refused.to_string().contains(&second), "{refused}");
+    assert_eq!(api.get("/state").await.expect(200)["step_count"], 0);
+    let _ = api.post("/step", step(&second)).await.expect(200);
+    let _ = api.post("/step", json!({"action": {"burns": []}, "episode_id": second})).await.expect(200);
+}
+
 /// Runs an episode of group `g` to its end, with a version of the policy.
 async fn run_sibling(api: &ApiClient, version: u32) {
     let mut socket = OpenEnvSocket::connect(api, "/ws").await;

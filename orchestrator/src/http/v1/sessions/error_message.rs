@@ -131,6 +131,7 @@ impl From<SessionError> for ErrorMessage {
             SessionError::Action(faults) => action_error(&faults),
             SessionError::Refused(error) => Self::new("invalid_action", error.to_string()).at("action"),
             SessionError::NotStarted => Self::new("not_started", error.to_string()),
+            SessionError::OtherEpisode { .. } => Self::new("other_episode", error.to_string()),
             SessionError::Over => Self::new("episode_over", error.to_string()),
             SessionError::Scenario(error) => Self::invalid(error.field().to_owned(), error.reason()),
             SessionError::Service(error) => Problem::from(error).into(),
