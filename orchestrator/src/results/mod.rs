@@ -17,7 +17,7 @@ pub mod report_batch;
 pub mod report_summary;
 pub mod reported;
 mod score_tolerance;
-mod slot_value;
+pub(crate) mod slot_value;
 pub(crate) mod stalled;
 pub mod store_verdict;
 

@@ -58,7 +58,7 @@ async fn after_event(
     let mut has_new_epoch = false;
     for TaskMark { task, epoch, warnings } in before {
         // The texts of warnings contain counts and change, so that only a growing number of warnings is news.
-        for message in run.state.curriculum.warnings(&task).iter().skip(warnings) {
+        for message in run.state.curriculum.warnings(&task).get(warnings..).unwrap_or_default() {
             run.emit(&RunEvent::Warning { task: Some(&task), message })?;
         }
         has_new_epoch |= run.state.curriculum.epoch(&task) != epoch;

@@ -16,6 +16,7 @@ use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
 use crate::metrics;
+use crate::results::slot_value::slot_value;
 use crate::retention::move_evidence::MoveEvidenceSpans;
 
 /// Maximum number of episodes in one change, so that the next change waits a few milliseconds only.
@@ -160,7 +161,7 @@ impl CompactionBatch {
                 groups::of_closed_lease(&mut tx.conn, row.id).await?
             {
                 if !row.is_compacted {
-                    batch.add_progress(&group, closed_at);
+                    batch.add_progress(&row, &group, closed_at);
                 }
                 if !evidence.contain(&group) && !is_first_of_layout(tx, &row, &group).await? {
                     let first = group.number * size;
@@ -174,14 +175,12 @@ impl CompactionBatch {
         Ok(batch)
     }
 
-    /// Adds a group to the success over time of its task.
-    fn add_progress(&mut self, group: &GroupRow, closed_at: i64) {
-        let counts =
-            group.is_contested && group.is_evidence && group.finished > 0 && group.is_training_or_probe();
-        if !counts || !matches!(group.state, GroupState::Complete | GroupState::Partial) {
+    /// Adds a slot to the success over time of its task. Missing episodes count as failures.
+    fn add_progress(&mut self, lease: &LeaseRow, group: &GroupRow, closed_at: i64) {
+        if !group.is_slot || group.state == GroupState::Open {
             return;
         }
-        let sum = group.successes as f64 / group.finished as f64;
+        let sum = slot_value(group, lease.group_size).low;
         let of_group = ProgressSpan {
             at: closed_at,
             lowest_level: group.level,
