@@ -335,9 +335,12 @@ fn is_first_move_honest(case: &Case, done: &RunCase, rules: Rules) -> bool {
 /// Compares the mastery of level 0 with the true values of its slots.
 fn is_true_success_shown(done: &RunCase) -> bool {
     let Some(shown) = done.mastery.iter().find(|shown| shown.level == Some(0)) else { return true };
-    let values = done.slots.iter().filter(|of| of.slot.level == Some(0)).map(|of| of.success_rate);
-    let (first, n) = ((shown.seen - u64::from(shown.n)) as usize, shown.n as usize);
-    let sum: f64 = values.skip(first).take(n).sum();
+    let slots = done.slots.iter().filter(|of| of.slot.level == Some(0));
+    let values: Vec<f64> = slots.map(|of| of.success_rate).collect();
+    let settled = shown.seen as usize;
+    let first = settled.saturating_sub(shown.n as usize);
+    let Some(counted) = values.get(first..settled) else { return false };
+    let sum: f64 = counted.iter().sum();
     (shown.low - 1e-9..=shown.high + 1e-9).contains(&sum)
 }
 
