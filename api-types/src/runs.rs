@@ -15,7 +15,8 @@ pub struct RunSummary {
     pub name: String,
     /// Seed of the run's random streams.
     pub seed: u64,
-    /// True if a run that was created before, possibly a deleted one, has the same seed. Its scenarios and their plans may be known.
+    /// True if another run, possibly a deleted one, has the same seed. Trainers may then know scenarios and plans before they lease them, so
+    /// that groups of leases with `disclosure: begin` count from the lease on.
     pub seed_reused: bool,
     /// Status of the run.
     pub status: RunStatus,

@@ -77,7 +77,7 @@ pub struct GroupRow {
     pub is_evidence: bool,
     /// True if the group is a slot: its result is evidence of mastery.
     pub is_slot: bool,
-    /// True if the trainer has received the scenario.
+    /// True if the trainer has received the scenario with this lease.
     pub is_disclosed: bool,
     /// Number of finished episodes whose results count as evidence.
     pub counted: i64,
@@ -272,19 +272,22 @@ pub async fn update(
     }
     let values = |row: &GroupRow| {
         let closed_at = (row.state != GroupState::Open).then_some(now);
-        let GroupRow { number, state, finished, failed, successes, counted, counted_successes, .. } = row;
-        serde_json::json!([number, state, finished, failed, successes, counted, counted_successes, closed_at])
+        let GroupRow { number, state, finished, failed, successes, counted, counted_successes, abandoned, .. } = row;
+        serde_json::json!([
+            number, state, finished, failed, successes, counted, counted_successes, abandoned, closed_at
+        ])
     };
     let rows = to_json(&rows.iter().map(values).collect::<Vec<_>>())?;
     query!(
         "WITH rows AS MATERIALIZED (
              SELECT value ->> 0 AS number, value ->> 1 AS state, value ->> 2 AS finished, value ->> 3 AS failed,
                     value ->> 4 AS successes, value ->> 5 AS counted, value ->> 6 AS counted_successes,
-                    value ->> 7 AS closed_at
+                    value ->> 7 AS abandoned, value ->> 8 AS closed_at
              FROM json_each(?))
          UPDATE groups SET state = rows.state, finished = rows.finished, failed = rows.failed,
                            successes = rows.successes, counted = rows.counted,
-                           counted_successes = rows.counted_successes, closed_at = rows.closed_at
+                           counted_successes = rows.counted_successes, abandoned = rows.abandoned,
+                           closed_at = rows.closed_at
          FROM rows WHERE groups.lease = ? AND groups.number = rows.number
                          AND groups.number IN (SELECT number FROM rows)",
         rows,
@@ -315,7 +318,7 @@ pub async fn set_contested(
     Ok(())
 }
 
-/// Marks groups of a lease as disclosed; those in `slots` are slots.
+/// Marks groups of a lease as disclosed; those in `slots` become slots.
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if the statement fails.
@@ -327,9 +330,25 @@ pub async fn disclose(
 ) -> Result<(), StoreError> {
     let (numbers, slots) = (to_json(&numbers)?, to_json(&slots)?);
     query!(
-        "UPDATE groups SET is_disclosed = 1, is_slot = number IN (SELECT value FROM json_each(?))
+        "UPDATE groups SET is_disclosed = 1, is_slot = is_slot OR number IN (SELECT value FROM json_each(?))
          WHERE lease = ? AND number IN (SELECT value FROM json_each(?))",
         slots,
+        lease,
+        numbers
+    )
+    .execute(conn)
+    .await?;
+    Ok(())
+}
+
+/// Makes groups of a lease slots.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn set_slots(conn: &mut SqliteConnection, lease: i64, numbers: &[i64]) -> Result<(), StoreError> {
+    let numbers = to_json(&numbers)?;
+    query!(
+        "UPDATE groups SET is_slot = 1 WHERE lease = ? AND number IN (SELECT value FROM json_each(?))",
         lease,
         numbers
     )

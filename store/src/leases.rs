@@ -261,6 +261,19 @@ pub async fn set_expiry(conn: &mut SqliteConnection, id: i64, expires_at: Millis
     Ok(())
 }
 
+/// Reads the active leases of a run that disclose their groups one by one.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn active_with_begin(conn: &mut SqliteConnection, run: &str) -> Result<Vec<i64>, StoreError> {
+    Ok(sqlx::query_scalar!(
+        "SELECT id FROM leases WHERE run = ? AND status = 'active' AND disclosure = 'begin' ORDER BY id",
+        run
+    )
+    .fetch_all(conn)
+    .await?)
+}
+
 /// Ends an active lease that has no open group and no pending refill. Returns true if it ended.
 ///
 /// # Errors

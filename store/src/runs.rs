@@ -41,7 +41,7 @@ pub struct RunRow {
     pub archived_at: Option<Millis>,
     /// When the run was paused; none while it is active.
     pub paused_at: Option<Millis>,
-    /// True if a run that was created before, possibly a deleted one, has the same seed.
+    /// True if another run, possibly a deleted one, has the same seed.
     pub is_seed_reused: bool,
     /// Tags of the run.
     pub tags: NameSet,
@@ -137,6 +137,20 @@ pub async fn insert(
 pub async fn record_seed(conn: &mut SqliteConnection, seed: i64) -> Result<bool, StoreError> {
     let done = query!("INSERT INTO used_run_seeds (seed) VALUES (?) ON CONFLICT (seed) DO NOTHING", seed);
     Ok(done.execute(conn).await?.rows_affected() == 0)
+}
+
+/// Marks the runs with a seed as runs of a reused seed. Returns the ids of those that were not marked before.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn mark_seed_reused(conn: &mut SqliteConnection, seed: i64) -> Result<Vec<String>, StoreError> {
+    Ok(sqlx::query_scalar!(
+        "UPDATE runs SET is_seed_reused = 1 WHERE seed = ? AND is_seed_reused = 0 AND deleted_at IS NULL
+         RETURNING id",
+        seed
+    )
+    .fetch_all(conn)
+    .await?)
 }
 
 /// Reads a run.

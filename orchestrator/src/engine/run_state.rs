@@ -38,6 +38,8 @@ pub struct RunState {
     pub paused_at: Option<Millis>,
     /// Newest policy version that was reported.
     pub policy_version: i64,
+    /// True if another run, possibly a deleted one, has the same seed: its scenarios may be known to a trainer.
+    pub is_seed_reused: bool,
     /// The curriculum: a fold over the run's curriculum events.
     pub curriculum: Curriculum,
     /// Failure profiles by task, of the tasks that were written since the run was loaded.
@@ -86,6 +88,7 @@ impl RunState {
             settings,
             paused_at: row.paused_at,
             policy_version: row.policy_version,
+            is_seed_reused: row.is_seed_reused,
             curriculum,
             profiles: BTreeMap::new(),
             snapshot_at,

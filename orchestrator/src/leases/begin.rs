@@ -49,13 +49,14 @@ impl Change for BeginGroups {
             .cloned()
             .collect();
         if !new.is_empty() {
-            let slots = new_slots(&mut run, row.id, &new).await?;
+            let later: Vec<GroupRow> = new.iter().filter(|group| !group.is_slot).cloned().collect();
+            let slots = new_slots(&mut run, row.id, &later).await?;
             let numbers: Vec<i64> = new.iter().map(|group| group.number).collect();
             let slot_numbers: Vec<i64> = slots.iter().map(|slot| slot.number).collect();
             groups::disclose(run.conn, row.id, &numbers, &slot_numbers).await?;
             for group in rows.iter_mut().filter(|group| numbers.contains(&group.number)) {
                 group.is_disclosed = true;
-                group.is_slot = slot_numbers.contains(&group.number);
+                group.is_slot |= slot_numbers.contains(&group.number);
             }
             let slots = slots.into_iter().map(|GroupSlot { slot, .. }| slot).collect();
             run.state.open_slots(run.conn, slots, run.now).await?;

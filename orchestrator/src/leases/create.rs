@@ -230,6 +230,7 @@ impl CreateLease {
             is_evidence: counts_as_evidence(self.purpose, &run.state.settings),
             is_for_training: self.purpose == Purpose::Train,
             disclosure: self.disclosure,
+            is_seed_reused: run.state.is_seed_reused,
         };
         let (mut head, mut groups, mut slots) = (head.into_iter(), Vec::new(), Vec::new());
         for (number, layout) in (0i64..).zip(designed) {

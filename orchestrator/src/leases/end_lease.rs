@@ -41,13 +41,15 @@ pub(crate) async fn end_lease(
     }
     let mut groups = groups::of_lease(&mut tx.conn, lease.id).await?;
     groups.retain(|group| group.state == GroupState::Open);
-    let (seen, unseen): (Vec<_>, Vec<_>) = groups.into_iter().partition(|group| group.is_disclosed);
+    // A slot that was not disclosed is one of a run whose seed another run has: it is a lost attempt, like a disclosed group.
+    let (seen, unseen): (Vec<_>, Vec<_>) =
+        groups.into_iter().partition(|group| group.is_disclosed || group.is_slot);
     let mut run = tx.run(&lease.run).await?;
     return_unseen(&mut run, lease, unseen).await?;
     close_groups(&mut run, lease, seen).await
 }
 
-/// Returns groups that no trainer saw: their scenarios go to the front of the queue, as if they had not been leased.
+/// Returns groups that no trainer can have seen: their scenarios go to the front of the queue, as if they had not been leased.
 pub(crate) async fn return_unseen(
     run: &mut RunTx<'_>,
     lease: &LeaseRow,

@@ -21,6 +21,8 @@ pub(crate) struct GroupTerms {
     pub(crate) is_for_training: bool,
     /// When the scenarios are disclosed.
     pub(crate) disclosure: Disclosure,
+    /// True if another run has the seed of this one, so that a trainer may know the scenarios before they are disclosed.
+    pub(crate) is_seed_reused: bool,
 }
 
 /// Row of a group, and its slot if the group is one from the start.
@@ -46,8 +48,8 @@ pub(crate) fn proposed_group(
         is_disclosed: terms.disclosure == Disclosure::Lease,
         ..GroupRow::open(number, group_role(proposal.role), proposal.task.clone(), scenario)
     };
-    // A group that is disclosed later becomes a slot then.
-    row.is_slot = row.is_disclosed && is_slot(&row, &proposal, queued.attempts == 0);
+    // A group whose scenario nobody can know yet becomes a slot when it is disclosed.
+    row.is_slot = (row.is_disclosed || terms.is_seed_reused) && is_slot(&row, &proposal, queued.attempts == 0);
     let slot = row.is_slot.then(|| slot_of(terms.lease, queued.seq, 0, &proposal));
     Ok(ProposedGroup { row, slot })
 }

@@ -16,9 +16,10 @@ use crate::evaluations::lease::create_suite_lease;
 use crate::leases::columns::create_column_lease;
 use crate::leases::create::{CreateLease, GrantedLease};
 use crate::leases::eval::create_eval_lease;
+use crate::leases::session_episodes::SessionEpisodes;
 use crate::ownership::Actor;
 use crate::results::audit::audit;
-use crate::results::audit_outcome::AuditedReport;
+use crate::results::audit_outcome::{AuditedEpisode, AuditedReport};
 use crate::results::report::{ReportReceipts, StoreResults};
 use crate::results::reported::ReportedEpisode;
 use crate::rollouts::rollout_lease::{LeaseRolloutGroup, RolloutLease};
@@ -42,6 +43,8 @@ pub struct LeaseService {
     pub ready: watch::Receiver<u64>,
     /// Queues of waiting lease requests, by run.
     pub gates: Arc<LeaseGates>,
+    /// Episodes that sessions run now.
+    pub(crate) session_episodes: Arc<SessionEpisodes>,
     /// Threads that replay results and prepare leases for evaluation, at a lower priority than the threads that answer and write.
     pub replay_pool: Arc<rayon::ThreadPool>,
 }
@@ -124,7 +127,10 @@ impl LeaseService {
         reported: Vec<ReportedEpisode>,
     ) -> Result<ReportReceipts, ServiceError> {
         let replayed = self.replay(&run, actor, policy_version, reported).await?;
-        let AuditedReport { episodes, mut brackets } = replayed;
+        let AuditedReport { mut episodes, mut brackets } = replayed;
+        if actor != Actor::Server {
+            self.mark_session_episodes(&mut episodes);
+        }
         let mut answer = ReportReceipts::default();
         let mut episodes = episodes.into_iter();
         loop {
@@ -150,6 +156,15 @@ impl LeaseService {
         reported: Vec<ReportedEpisode>,
     ) -> Result<AuditedReport, ServiceError> {
         self.replay(run, Actor::Server, None, reported).await
+    }
+
+    /// Marks reported episodes that a session runs.
+    fn mark_session_episodes(&self, episodes: &mut [AuditedEpisode]) {
+        let keys = episodes.iter().filter_map(|episode| episode.key);
+        let running = self.session_episodes.running_among(keys);
+        for episode in episodes.iter_mut() {
+            episode.is_in_session = episode.key.is_some_and(|key| running.contains(&key));
+        }
     }
 
     async fn replay(

@@ -19,4 +19,5 @@ pub mod refill;
 pub mod renew;
 pub mod scenario_cache;
 pub mod seeds;
+pub(crate) mod session_episodes;
 pub(crate) mod slots;

@@ -31,8 +31,13 @@ pub(crate) async fn grant_refills(run: &mut RunTx<'_>) -> Result<Vec<GroupRefill
         let Some(lease) = leases::get(run.conn, id).await?.filter(|_| !ready.is_empty()) else { break };
         let seqs: Vec<i64> = ready.iter().map(|queued| queued.seq).collect();
         proposals::set_leased(run.conn, &run.state.run, &seqs).await?;
-        let terms =
-            GroupTerms { lease: id, is_evidence, is_for_training: true, disclosure: lease.disclosure };
+        let terms = GroupTerms {
+            lease: id,
+            is_evidence,
+            is_for_training: true,
+            disclosure: lease.disclosure,
+            is_seed_reused: run.state.is_seed_reused,
+        };
         let (mut rows, mut slots) = (Vec::new(), Vec::new());
         for (number, queued) in (lease.groups..).zip(ready) {
             let ProposedGroup { row, slot } = proposed_group(number, queued, terms)?;

@@ -1,6 +1,7 @@
 //! Slots of leased groups: the groups whose results are evidence of mastery.
 
-use store::groups::GroupRow;
+use store::groups::{self, GroupRow, GroupState};
+use store::leases;
 use store::proposals::{self, LeasedProposal};
 use store::{from_json, to_u64};
 
@@ -21,7 +22,7 @@ pub(crate) fn slot_of(lease: i64, seq: i64, group: u32, proposal: &Proposal) -> 
     }
 }
 
-/// Returns true if a group is a slot when its trainer receives the scenario. `is_first` says whether no trainer received it before.
+/// Returns true if a group becomes a slot when a trainer can know the scenario. `is_first` says whether no trainer received it before.
 pub(crate) const fn is_slot(group: &GroupRow, proposal: &Proposal, is_first: bool) -> bool {
     group.is_evidence && group.is_contested && is_first && proposal.source.is_fresh()
 }
@@ -51,4 +52,19 @@ pub(crate) async fn new_slots(
         }
     }
     Ok(slots)
+}
+
+/// Makes slots of all groups that are leased and not disclosed: another run now has the same seed and shows their scenarios, so that
+/// a trainer could begin only those that it likes.
+pub(crate) async fn open_undisclosed(run: &mut RunTx<'_>) -> Result<(), ServiceError> {
+    for lease in leases::active_with_begin(run.conn, &run.state.run).await? {
+        let mut open = groups::of_lease(run.conn, lease).await?;
+        open.retain(|group| group.state == GroupState::Open && !group.is_disclosed && !group.is_slot);
+        let slots = new_slots(run, lease, &open).await?;
+        let numbers: Vec<i64> = slots.iter().map(|slot| slot.number).collect();
+        groups::set_slots(run.conn, lease, &numbers).await?;
+        let slots = slots.into_iter().map(|GroupSlot { slot, .. }| slot).collect();
+        run.state.open_slots(run.conn, slots, run.now).await?;
+    }
+    Ok(())
 }

@@ -104,7 +104,7 @@ fn audit_episode(
             (Some(place.episode), outcome)
         }
     };
-    AuditedEpisode { episode, key, policy_version, metrics, outcome }
+    AuditedEpisode { episode, key, policy_version, metrics, is_in_session: false, outcome }
 }
 
 fn invalid_log(error: ReplayError) -> AuditOutcome {

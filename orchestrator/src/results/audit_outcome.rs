@@ -20,6 +20,8 @@ pub struct AuditedEpisode {
     pub policy_version: Option<u32>,
     /// Metrics that the trainer attached, as JSON.
     pub metrics: Option<String>,
+    /// True if a session runs the episode while its trainer reports it by another way: the session's attempt was the first one.
+    pub is_in_session: bool,
     /// Outcome of the audit.
     pub outcome: AuditOutcome,
 }

@@ -93,7 +93,7 @@ impl ReportBatch {
         batch_version: Option<u32>,
         reported: AuditedEpisode,
     ) -> Result<ResultReceipt, ServiceError> {
-        let AuditedEpisode { episode, key, policy_version, metrics, outcome } = reported;
+        let AuditedEpisode { episode, key, policy_version, metrics, is_in_session, outcome } = reported;
         let Some(key) = key else { return Ok(unstored_receipt(episode, outcome)) };
         if matches!(outcome, AuditOutcome::Refused(_) | AuditOutcome::Known { .. }) {
             return Ok(unstored_receipt(episode, outcome));
@@ -121,7 +121,12 @@ impl ReportBatch {
         };
         let status = match (is_late, lease.is_columns()) {
             (true, _) => Ok(ReceiptStatus::Late),
-            (false, false) => Ok(self.count(tx, &lease, &row).await?),
+            (false, false) => {
+                if is_in_session {
+                    self.group(&lease, key.number)?.abandoned += 1;
+                }
+                Ok(self.count(tx, &lease, &row).await?)
+            }
             (false, true) => match self.compare(&lease, &row)? {
                 AuditCheck::Agrees => Ok(ReceiptStatus::Audited),
                 AuditCheck::Failed => Ok(ReceiptStatus::Failed),

@@ -17,6 +17,7 @@ use crate::engine::event::RunEvent;
 use crate::engine::write_tx::WriteTx;
 use crate::leases::create::OwnerQuota;
 use crate::leases::proposal_queue;
+use crate::leases::slots::open_undisclosed;
 use crate::runs::set_tags::parse_tags;
 use crate::runs::settings::RunSettings;
 use crate::runs::validate::check_run_name;
@@ -95,10 +96,23 @@ impl Change for CreateRun {
                 ServiceError::RunBeingDeleted(row.id)
             });
         }
+        if row.is_seed_reused {
+            mark_twins(tx, row.seed).await?;
+        }
         run_tags::replace(&mut tx.conn, &row.id, &self.tags).await?;
         let mut run = tx.run(&row.id).await?;
         proposal_queue::fill(&mut run, proposal_queue::QUEUE_TARGET).await?;
         run.emit(&RunEvent::Run { state: "created" })?;
         runs::get(run.conn, &row.id).await?.ok_or(ServiceError::UnknownRun(row.id))
     }
+}
+
+/// Marks the earlier runs with the seed of a new run: the new run shows their scenarios.
+async fn mark_twins(tx: &mut WriteTx, seed: i64) -> Result<(), ServiceError> {
+    for run in runs::mark_seed_reused(&mut tx.conn, seed).await? {
+        let mut run = tx.run(&run).await?;
+        run.state.is_seed_reused = true;
+        open_undisclosed(&mut run).await?;
+    }
+    Ok(())
 }

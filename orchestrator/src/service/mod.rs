@@ -72,6 +72,7 @@ impl Service {
             readers: readers.clone(),
             ready,
             gates: Arc::default(),
+            session_episodes: Arc::default(),
             replay_pool: threads::pool("replay", 0, ThreadPriority::Bulk).map_err(StartError::Threads)?,
         };
         let sessions = create_sessions(&config, surface, &lease_service)?;

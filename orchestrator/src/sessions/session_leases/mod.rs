@@ -235,7 +235,10 @@ impl SessionLeases {
                     retries += 1;
                     tokio::time::sleep(REPORT_RETRY_DELAY).await;
                 }
-                result => return result.map(|answer| answer.receipts),
+                result => {
+                    pool.lock().end_episodes(claims);
+                    return result.map(|answer| answer.receipts);
+                }
             }
         }
     }
@@ -366,6 +369,7 @@ impl SessionLeases {
             run_end,
             groups,
             abandoned: Vec::new(),
+            running: Arc::clone(&self.lease_service.session_episodes),
         })
     }
 }

@@ -1,6 +1,7 @@
 //! The episodes of one lease that sessions run.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 use std::time::Duration;
 
 use api_types::Judge;
@@ -8,8 +9,11 @@ use env_core::Scenario;
 use tokio::time::Instant;
 
 use store::ids::{EpisodeId, LeaseId, RunId};
+use store::keys::EpisodeKey;
 
 use super::run_end::RunEnd;
+use crate::leases::session_episodes::SessionEpisodes;
+use crate::results::reported::ReportedEpisode;
 
 /// Lease with the episodes that no session has reserved.
 #[derive(Debug)]
@@ -32,6 +36,8 @@ pub(crate) struct EpisodePool {
     pub(crate) groups: Vec<PoolGroup>,
     /// Numbers of the groups of episodes that sessions began and left, until this is stored.
     pub(super) abandoned: Vec<i64>,
+    /// Episodes that sessions run now, of all pools.
+    pub(super) running: Arc<SessionEpisodes>,
 }
 
 /// Group of a pool.
@@ -91,7 +97,9 @@ impl EpisodePool {
             let group = group.filter(|_| episode.lease == self.lease);
             let group = group.ok_or_else(|| PoolExhausted::Episode(episode.clone()))?;
             group.free.remove(&episode.index);
-            return Ok(PooledEpisode { index: episode.index, scenario: group.scenario.clone() });
+            let taken = PooledEpisode { index: episode.index, scenario: group.scenario.clone() };
+            self.running.insert(self.key(taken.index));
+            return Ok(taken);
         }
         let is_untouched =
             |group: &PoolGroup| group.name.is_none() && group.free.len() as i64 == self.group_size;
@@ -109,7 +117,9 @@ impl EpisodePool {
             group.name = Some(name.to_owned());
         }
         let index = group.free.pop_first().ok_or(PoolExhausted::Group(self.group_size))?;
-        Ok(PooledEpisode { index, scenario: group.scenario.clone() })
+        let taken = PooledEpisode { index, scenario: group.scenario.clone() };
+        self.running.insert(self.key(index));
+        Ok(taken)
     }
 
     /// Returns the number of the group from which [`Self::take`] would take an episode, if the group is not begun.
@@ -155,7 +165,20 @@ impl EpisodePool {
             group.is_begun && !group.free.is_empty() && group.scenario.task().id() == task
         };
         let group = self.groups.iter_mut().find(matches)?;
-        Some(PooledEpisode { index: group.free.pop_first()?, scenario: group.scenario.clone() })
+        let taken = PooledEpisode { index: group.free.pop_first()?, scenario: group.scenario.clone() };
+        self.running.insert(self.key(taken.index));
+        Some(taken)
+    }
+
+    /// Records that sessions no longer run these episodes: their reports were answered.
+    pub(super) fn end_episodes(&self, reported: &[ReportedEpisode]) {
+        let ids = reported.iter().filter_map(|reported| reported.episode.parse::<EpisodeId>().ok());
+        ids.for_each(|id| self.running.remove(self.key(id.index)));
+    }
+
+    /// Key of an episode of the lease.
+    const fn key(&self, index: i64) -> EpisodeKey {
+        EpisodeKey { lease: self.lease.number, number: index }
     }
 
     /// Returns the groups with free episodes, in order.
@@ -175,6 +198,7 @@ impl EpisodePool {
     pub(crate) fn give_back(&mut self, index: i64) {
         let number = index.checked_div(self.group_size).unwrap_or_default();
         self.abandoned.push(number);
+        self.running.remove(self.key(index));
         if let Some(group) = self.groups.iter_mut().find(|group| group.number == number) {
             group.free.insert(index);
         }
@@ -208,6 +232,7 @@ mod tests {
             run_end: RunEnd::default(),
             groups: groups.collect(),
             abandoned: Vec::new(),
+            running: Arc::default(),
         }
     }
 

@@ -6,6 +6,7 @@ mod deadlines;
 mod disclosure;
 mod hidden_failures;
 mod sessions;
+mod twins;
 mod withholding;
 
 use serde_json::{Value, json};

@@ -47,6 +47,38 @@ async fn second_attempt_of_a_session_never_raises_the_worst_case() {
     assert_eq!(counts, (&json!(1.0 / 3.0), &json!(1.0)), "{shown}");
 }
 
+/// A client steps an episode in a session to see how it goes, and reports other actions over HTTP before the session ends.
+#[tokio::test(flavor = "multi_thread")]
+async fn report_beside_a_session_is_a_second_attempt() {
+    let server = EvidenceServer::start();
+    let api = server.api();
+    create_run(&api, "run", json!({})).await;
+    let lease = api.lease("run", json!({"groups": 1})).await;
+    let (mut socket, _) = SessionSocket::open(&api, json!({"run": "run", "lease_id": lease.id()})).await;
+    let _ = socket.step(0, &json!({"burns": []})).await;
+    let report = api.report("run", lease.results("hold")).await;
+    assert_eq!(report["results"][0]["status"], "counted", "{report}");
+    let shown = settled(&api, 1).await;
+    assert_eq!((&shown["mean"], &shown["missing"]), (&json!(1.0 / 3.0), &json!(1.0)), "{shown}");
+}
+
+/// The same with a vector session, which runs several episodes of a lease.
+#[tokio::test(flavor = "multi_thread")]
+async fn reports_beside_a_vector_session_are_second_attempts() {
+    let server = EvidenceServer::start();
+    let api = server.api();
+    create_run(&api, "run", json!({})).await;
+    let lease = api.lease("run", json!({"groups": 4})).await;
+    let options = json!({"run": "run", "lease_id": lease.id(),
+        "vector": {"envs": 2, "autoreset": "next_step", "observe": "tracks"}});
+    let (mut vector, _) = VectorSession::open(&api, options).await;
+    let hold = vec![0.0; vector.action_len()];
+    let _ = vector.step(&hold).await;
+    let _ = api.report("run", lease.results("hold")).await;
+    let shown = settled(&api, 4).await;
+    assert_eq!(shown["missing"], json!(0.5), "the session runs two of four episodes: {shown}");
+}
+
 /// A session of a run takes a lease of its own. Leaving its episode loses the slot.
 #[tokio::test(flavor = "multi_thread")]
 async fn reset_of_a_lost_episode_is_missing() {
