@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use env_core::KeyedRng;
 use serde::{Deserialize, Serialize};
 
-use crate::core::evidence::block::EvidenceBlock;
+use crate::core::evidence::block::{EvidenceBlock, format_count};
 use crate::core::evidence::level_move::LevelMove;
 use crate::core::evidence::slot_queue::SlotQueue;
 use crate::core::explanation::{Explanation, TaskStatus};
@@ -19,7 +19,7 @@ use crate::core::outcome::GroupOutcome;
 use crate::core::proposal::{Proposal, ProposalRole};
 use crate::core::scale::LevelScale;
 use crate::core::settings::hyperparameters::adr::{BOUNDARY, BUFFER, NARROW, STEP, WIDEN};
-use crate::core::settings::{Settings, TaskPlan};
+use crate::core::settings::{Hyperparameters, Settings, TaskPlan};
 use crate::core::shares;
 use crate::core::slot::{Slot, SlotKey};
 use crate::core::strategy::{Strategy, StrategyContext, StrategyState, drop_stale_tasks};
@@ -42,8 +42,9 @@ struct ParamBound {
     /// Slots at the bound that are not settled.
     queue: SlotQueue,
     filling: EvidenceBlock,
-    /// Mean success rate of the last full buffer, missing episodes counted as failures.
-    last: Option<f64>,
+    /// Last full buffer.
+    #[serde(default)]
+    last_full: Option<EvidenceBlock>,
 }
 
 impl Strategy for Adr {
@@ -113,7 +114,7 @@ impl Strategy for Adr {
     }
 
     fn status(&self, settings: &Settings) -> Vec<TaskStatus> {
-        settings.tasks.iter().map(|plan| self.task_status(plan)).collect()
+        settings.tasks.iter().map(|plan| self.task_status(plan, settings)).collect()
     }
 
     fn explain(&self, settings: &Settings) -> Explanation {
@@ -184,11 +185,16 @@ impl Adr {
     }
 
     /// Status of a task; its params are those at the bounds.
-    fn task_status(&self, plan: &TaskPlan) -> TaskStatus {
+    fn task_status(&self, plan: &TaskPlan, settings: &Settings) -> TaskStatus {
         let (scale, bounds) = (LevelScale::new(plan), self.bounds(plan));
         let positions: Vec<f64> = bounds.iter().map(|bound| bound.position).collect();
         let earliest = bounds.iter().flat_map(|bound| [bound.filling.first, bound.queue.earliest_proposal()]);
+        let held_back = bounds.iter().zip(scale.names()).find_map(|(bound, name)| {
+            let is_hardest = bound.position >= scale.last_position();
+            bound.held_back(&settings.hyperparameters, name).filter(|_| !is_hardest)
+        });
         TaskStatus {
+            held_back,
             earliest_proposal: earliest.flatten().min(),
             ..TaskStatus::without_levels(&plan.task, scale.params(&positions))
         }
@@ -197,7 +203,8 @@ impl Adr {
     fn describe_task(&self, plan: &TaskPlan) -> String {
         let scale = LevelScale::new(plan);
         let describe = |(bound, name): (ParamBound, &str)| {
-            let last = bound.last.map_or_else(String::new, |mean| format!(", last {mean:.2}"));
+            let last =
+                bound.last_full.map_or_else(String::new, |full| format!(", last {:.2}", full.mean_low()));
             let top = plan.hardest_level();
             format!("{name} to row {:.1} of {top} ({} moves{last})", bound.position, bound.moves)
         };
@@ -229,10 +236,30 @@ impl ParamBound {
         }
     }
 
+    /// Sentence that says why the bound does not widen although results are there, if missing results are the reason.
+    fn held_back(&self, hyperparameters: &Hyperparameters, name: &str) -> Option<String> {
+        let size = hyperparameters.integer(&BUFFER);
+        let is_missing = |full: &EvidenceBlock| {
+            let needed = hyperparameters.number(&WIDEN);
+            full.mean_low() < needed && full.mean_high() >= needed
+        };
+        let missing_hold = |full: EvidenceBlock| {
+            format!(
+                "{} of {} outcomes of the last buffer at the bound of {name} are missing: the worst case has a mean \
+                 of {:.2}, {:.2} is needed",
+                format_count(full.missing()),
+                full.n,
+                full.mean_low(),
+                hyperparameters.number(&WIDEN)
+            )
+        };
+        self.queue.waiting_hold(size).or_else(|| self.last_full.filter(is_missing).map(missing_hold))
+    }
+
     fn judge(&mut self, full: &EvidenceBlock, ctx: &StrategyContext<'_>, last_position: f64) {
         let hyperparameters = &ctx.settings.hyperparameters;
         let step = hyperparameters.number(&STEP);
-        self.last = Some(full.mean_low());
+        self.last_full = Some(*full);
         let position = if full.mean_low() >= hyperparameters.number(&WIDEN) {
             (self.position + step).min(last_position)
         } else if full.mean_high() <= hyperparameters.number(&NARROW) {

@@ -139,3 +139,45 @@ fn restarted_evidence_keeps_the_level_and_drops_results() {
         assert!(curriculum.is_current(next.seq, &next.proposal));
     }
 }
+
+/// Outcomes of proposals that hold a param at its bound, one for each of `count` proposals; the values come from `value`.
+fn observe_boundaries(curriculum: &mut Curriculum, count: usize, value: impl Fn(usize) -> SuccessInterval) {
+    let mut observed = 0;
+    while observed < count {
+        let SequencedProposal { seq, proposal } = curriculum.propose();
+        if proposal.role != ProposalRole::Boundary {
+            continue;
+        }
+        let outcome = GroupOutcome {
+            proposal: seq,
+            level: None,
+            role: ProposalRole::Boundary,
+            evidence: Some(value(observed)),
+            params: proposal.params,
+            ..outcome(SURVIVAL, None, 1, 1)
+        };
+        curriculum.open_slots(&[slot_of(&outcome)]);
+        curriculum.observe(&outcome);
+        observed += 1;
+    }
+}
+
+#[test]
+fn adr_says_how_missing_outcomes_hold_a_bound_back() {
+    let settings = Settings {
+        strategy: StrategyKind::Adr,
+        hyperparameters: Hyperparameters::defaults(StrategyKind::Adr),
+        ..without_placement(&[SURVIVAL])
+    };
+    let mut curriculum = Curriculum::new(1, settings).unwrap();
+    assert_eq!(survival_status(&curriculum).held_back, None);
+    // Of ten episodes six succeed and three are missing.
+    observe_boundaries(&mut curriculum, 400, |at| match at % 10 {
+        0 => interval(1, 1, 0),
+        5..=7 => SuccessInterval::MISSING,
+        _ => interval(1, 1, 1),
+    });
+    let held_back = survival_status(&curriculum).held_back.unwrap();
+    assert!(held_back.contains("outcomes of the last buffer at the bound of"), "{held_back}");
+    assert!(held_back.contains("are missing: the worst case has a mean of 0."), "{held_back}");
+}

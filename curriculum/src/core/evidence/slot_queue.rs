@@ -119,6 +119,18 @@ impl SlotQueue {
         self.count(|slot| matches!(slot.state, SlotState::Resolved(_)))
     }
 
+    /// Sentence that says that at least `size` results wait for earlier slots, if they do.
+    pub(crate) fn waiting_hold(&self, size: u32) -> Option<String> {
+        let (open, waiting) = (self.open_count(), self.waiting_count());
+        (waiting >= size).then(|| {
+            format!(
+                "{waiting} results wait for {open} leased {} without a result: results count in the order of \
+                 the leases",
+                if open == 1 { "scenario" } else { "scenarios" }
+            )
+        })
+    }
+
     /// First open slot, for which the later ones wait; `None` if no slot is open.
     pub(crate) fn stalled(&self) -> Option<StalledSlot> {
         let front = self.slots.front()?;

@@ -23,7 +23,7 @@ pub(super) fn task_status(progress: &TaskProgress, plan: &TaskPlan, target: Targ
             params: plan.params(Some(placement.level())),
             block: Some(block_progress(&placement.filling, &placement.queue, PROBE_SIZE)),
             blocks: u32::try_from(placement.probes.len()).unwrap_or(u32::MAX),
-            held_back: waiting_hold(&placement.queue, PROBE_SIZE),
+            held_back: placement.queue.waiting_hold(PROBE_SIZE),
             move_conditions: Some(probe_thresholds(placement)),
             earliest_proposal: placement.earliest_proposal(),
             ..common
@@ -32,7 +32,7 @@ pub(super) fn task_status(progress: &TaskProgress, plan: &TaskPlan, target: Targ
             let blocks = stage.last.iter().chain([&stage.filling]).filter_map(|block| block.first);
             let is_hardest = stage.level == plan.hardest_level();
             let missing_hold = || stage.last.as_ref().and_then(|last| promotion_hold(target, last));
-            let held_back = waiting_hold(&stage.queue, BLOCK_SIZE).or_else(missing_hold);
+            let held_back = stage.queue.waiting_hold(BLOCK_SIZE).or_else(missing_hold);
             TaskStatus {
                 level: Some(stage.level),
                 params: plan.params(Some(stage.level)),
@@ -87,18 +87,6 @@ fn block_progress(filling: &EvidenceBlock, queue: &SlotQueue, size: u32) -> Bloc
         open: queue.open_count(),
         waiting: queue.waiting_count(),
     }
-}
-
-/// Sentence that says that a block's worth of results waits for earlier slots.
-fn waiting_hold(queue: &SlotQueue, size: u32) -> Option<String> {
-    let (open, waiting) = (queue.open_count(), queue.waiting_count());
-    (waiting >= size).then(|| {
-        format!(
-            "{waiting} results wait for {open} leased {} without a result: results count in the order of the \
-             leases",
-            if open == 1 { "scenario" } else { "scenarios" }
-        )
-    })
 }
 
 fn probe_thresholds(placement: &Placement) -> MoveThresholds {
