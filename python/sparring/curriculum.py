@@ -52,8 +52,9 @@ class Curriculum:
             layouts; up to a few thousand episodes/s. `columns`: the curriculum claims scores, and the server audits some of
             them; tens of thousands of episodes/s. `auto`: columns from 256 environments on, if the run's strategy supports
             them.
-        lease_groups: Groups of a lease (64; for columns the number of environments, from 64 to 1 024). Of a lease of columns
-            only the audited groups move the mastery, and none if more than a tenth of its episodes did not finish.
+        lease_groups: Groups of a lease (64; for columns the number of environments, from 64 to 1 024). The scenarios of groups
+            are disclosed as episodes are needed, and groups that were never begun return to the run without loss. Of a lease of
+            columns only the audited groups move the mastery.
         group_size: Episodes per scenario (default: the run's).
         purpose: `train`, `probe` (evidence without exploration) or `eval` (evaluation seeds, no effect on the curriculum).
         evaluation: With `purpose="eval"`, id of the evaluation; environments become idle when no scenario is left.

@@ -243,7 +243,7 @@ def test_server_of_a_deleted_curriculum_stops():
 
 
 def test_ctrl_c_interrupts_a_waiting_step(interrupt_after):
-    with local_curriculum(form="groups") as curriculum:
+    with local_curriculum(form="groups", ahead=16) as curriculum:
         envs = make_envs(curriculum, 4)
         wait_for_ready(curriculum, 16)
         curriculum.request("POST", f"/v1/runs/{curriculum.run}/pause")

@@ -7,11 +7,12 @@ use env_core::Scenario;
 use env_core::batch::episode_assigner::{BatchCall, EpisodeAssigner};
 use pyo3::prelude::*;
 
-use super::episode_queue::{EpisodeQueue, SharedQueue};
+use super::episode_queue::EpisodeQueue;
 use super::error::WaitError;
 use super::fetch::LeaseRequest;
 use super::http_client::HttpClient;
 use super::lease::LeasedEpisode;
+use super::shared_queue::SharedQueue;
 
 /// Interval at which a waiting trainer lets Python handle signals.
 const SIGNAL_CHECK_INTERVAL: Duration = Duration::from_millis(200);

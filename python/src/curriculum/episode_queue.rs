@@ -1,14 +1,15 @@
 //! Queue between the environments and the two threads: leased episodes to begin, and results to send.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::sync::Arc;
+use std::time::Instant;
 
 use env_core::Scenario;
 use env_core::batch::episode_assigner::{AssignedEpisode, EpisodePool, PooledEpisode, RecordedActions};
 use serde::Serialize;
+use serde_json::Value;
 
-use super::lease::{Lease, LeaseEpisodes, LeasedEpisode};
+use super::lease::{Lease, LeaseEpisodes, LeasedEpisode, UnbegunGroups};
 
 /// Counts of episodes by their outcome, since the curriculum was opened.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -147,6 +148,41 @@ impl EpisodeQueue {
         self.returned.len() + self.leases.iter().map(|episodes| episodes.left).sum::<usize>()
     }
 
+    /// Number of leased episodes whose scenarios the server has not disclosed.
+    pub(super) fn undisclosed(&self) -> usize {
+        self.leases.iter().map(LeaseEpisodes::undisclosed).sum()
+    }
+
+    /// Groups to begin now, so that enough episodes are ready. The other groups of a lease stay undisclosed: a scenario that is
+    /// disclosed and not flown is a lost attempt.
+    pub(super) fn next_unbegun(&self) -> Option<UnbegunGroups> {
+        let wanted = self.target.checked_sub(self.ready()).filter(|wanted| *wanted > 0)?;
+        let episodes = self.leases.iter().find(|episodes| episodes.undisclosed() > 0)?;
+        Some(UnbegunGroups { lease: episodes.lease.id.clone(), groups: episodes.next_unbegun(wanted) })
+    }
+
+    /// Adds the scenarios of groups that were begun, from the server's response.
+    ///
+    /// # Errors
+    /// Returns a message if the response is malformed.
+    pub(super) fn add_begun(&mut self, begun: &UnbegunGroups, response: Value) -> Result<(), String> {
+        let lease = self.leases.iter_mut().find(|episodes| episodes.lease.id == begun.lease);
+        lease.map_or(Ok(()), |episodes| episodes.add_begun(&begun.groups, response))
+    }
+
+    /// Forgets the groups of a lease that were not begun: the lease has ended.
+    pub(super) fn drop_unbegun(&mut self, lease: &str) {
+        let Some(episodes) = self.leases.iter_mut().find(|episodes| episodes.lease.id == lease) else {
+            return;
+        };
+        let (dropped, lease) = (episodes.drop_unbegun(), Arc::clone(&episodes.lease));
+        self.counts.unfinished += dropped as u64;
+        if let Some(groups) = self.group_leases.get_mut(&lease.id) {
+            (groups.open, groups.has_abandoned) = (groups.open.saturating_sub(dropped), true);
+        }
+        self.release_if_done(&lease);
+    }
+
     /// Number of finished episodes whose lease of columns is not complete.
     pub(super) fn unclaimed(&self) -> usize {
         self.column_leases.values().map(|columns| columns.results.iter().flatten().count()).sum()
@@ -212,7 +248,7 @@ impl EpisodeQueue {
     /// All kessler tasks of a run have one shape, and so have all its docking tasks.
     pub(super) fn first_scenario(&self) -> Option<Scenario> {
         let returned = self.returned.last().map(|episode| episode.scenario.clone());
-        returned.or_else(|| self.leases.front().and_then(LeaseEpisodes::first_scenario))
+        returned.or_else(|| self.leases.iter().find_map(LeaseEpisodes::first_scenario))
     }
 
     /// Adds the episodes of a new lease.
@@ -336,57 +372,14 @@ impl EpisodePool for EpisodeQueue {
         if let Some(returned) = self.returned.pop() {
             return Some(returned);
         }
-        loop {
-            match self.leases.front_mut()?.take_next() {
-                Some(next) => return Some(next),
-                None => {
-                    self.leases.pop_front();
-                }
-            }
-        }
+        let next = self.leases.iter_mut().find_map(LeaseEpisodes::take_next);
+        self.leases.retain(|episodes| episodes.left + episodes.undisclosed() > 0);
+        next
     }
 
     fn return_episode(&mut self, episode: PooledEpisode<LeasedEpisode>) {
         if !self.is_closing {
             self.returned.push(episode);
         }
-    }
-}
-
-/// The queue with its lock and a condition variable for changes of it.
-#[derive(Debug, Default)]
-pub(super) struct SharedQueue {
-    queue: Mutex<EpisodeQueue>,
-    changed: Condvar,
-}
-
-impl SharedQueue {
-    /// Locks the queue for this thread.
-    pub(super) fn lock(&self) -> MutexGuard<'_, EpisodeQueue> {
-        // No holder can panic; even if one did, the queue would be valid.
-        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Waits for a change of the queue, at most for `timeout`.
-    pub(super) fn wait<'a>(
-        &self,
-        queue: MutexGuard<'a, EpisodeQueue>,
-        timeout: Duration,
-    ) -> MutexGuard<'a, EpisodeQueue> {
-        self.changed.wait_timeout(queue, timeout).unwrap_or_else(PoisonError::into_inner).0
-    }
-
-    /// Sleeps for `duration`, or until the curriculum is closed.
-    pub(super) fn pause(&self, duration: Duration) {
-        let until = Instant::now() + duration;
-        let mut queue = self.lock();
-        while !queue.is_closing && Instant::now() < until {
-            queue = self.wait(queue, until.saturating_duration_since(Instant::now()));
-        }
-    }
-
-    /// Wakes all threads that wait for a change.
-    pub(super) fn notify(&self) {
-        self.changed.notify_all();
     }
 }

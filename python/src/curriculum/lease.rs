@@ -1,5 +1,6 @@
 //! Leases as the server grants them, and their episodes one by one.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -40,6 +41,15 @@ impl LeasedEpisode {
     }
 }
 
+/// Groups of a lease whose scenarios the server has not disclosed.
+#[derive(Debug, Clone)]
+pub(super) struct UnbegunGroups {
+    /// Id of the lease.
+    pub(super) lease: String,
+    /// Numbers of the groups.
+    pub(super) groups: Vec<usize>,
+}
+
 /// Episodes of a lease that no environment has taken yet.
 #[derive(Debug)]
 pub(super) struct LeaseEpisodes {
@@ -47,8 +57,10 @@ pub(super) struct LeaseEpisodes {
     group_size: usize,
     ranges: Vec<SeedRange>,
     next: Position,
-    /// Number of episodes that no environment has taken yet.
+    /// Number of episodes of known scenarios that no environment has taken yet.
     pub(super) left: usize,
+    /// Numbers of the groups whose scenarios the server has not disclosed.
+    unbegun: VecDeque<usize>,
 }
 
 /// Consecutive groups of one recipe whose seeds are consecutive too.
@@ -81,6 +93,8 @@ struct LeaseResponse {
     recipes: Vec<Value>,
     groups: Vec<GroupResponse>,
     ranges: Option<Vec<RangeResponse>>,
+    #[serde(default)]
+    undisclosed: Vec<UndisclosedResponse>,
 }
 
 #[derive(Deserialize)]
@@ -90,6 +104,11 @@ struct GroupResponse {
     seed: u64,
     level: Option<i64>,
     train: bool,
+}
+
+#[derive(Deserialize)]
+struct UndisclosedResponse {
+    group: usize,
 }
 
 #[derive(Deserialize)]
@@ -108,34 +127,50 @@ impl LeaseEpisodes {
     /// Returns a message if the response is malformed, has a recipe that this version does not support, or has evaluation
     /// seeds although `evaluation` is false.
     pub(super) fn read(response: Value, ttl: Duration, evaluation: bool) -> Result<Self, String> {
-        let response: LeaseResponse = serde_json::from_value(response).map_err(|error| {
-            format!("the server sent a lease that this version of sparring cannot read: {error}")
-        })?;
-        let ranges = read_ranges(&response)?;
-        // A policy that trains on held-out scenarios invalidates its evaluations; no server grants such a lease.
-        let is_held_out = |range: &SeedRange| {
-            Seed::new(range.first_seed).is_ok_and(|seed| seed.space() == SeedSpace::Evaluation)
-        };
-        if ranges.iter().any(is_held_out) && !evaluation {
-            return Err(
-                "the lease has evaluation seeds, which are only for leases of an evaluation".to_owned()
-            );
-        }
-        let last_seed =
-            |range: &SeedRange| Seed::new(range.first_seed + range.groups.saturating_sub(1) as u64);
-        if let Some(error) = ranges.iter().find_map(|range| last_seed(range).err()) {
-            return Err(error.to_string());
-        }
-        let left = ranges.iter().map(|range| range.groups).sum::<usize>() * response.group_size;
+        let response = read_response(response)?;
+        let ranges = checked_ranges(&response, evaluation)?;
+        let unbegun: VecDeque<usize> = response.undisclosed.iter().map(|group| group.group).collect();
+        let left = count_episodes(&ranges, response.group_size);
         let lease = Lease {
             id: response.lease,
             columns: response.form == "columns",
-            episodes: left,
+            episodes: left + unbegun.len() * response.group_size,
             ttl,
             policy_version: response.policy_version,
         };
         let lease = Arc::new(lease);
-        Ok(Self { lease, group_size: response.group_size, ranges, next: Position::default(), left })
+        let (group_size, next) = (response.group_size, Position::default());
+        Ok(Self { lease, group_size, ranges, next, left, unbegun })
+    }
+
+    /// Number of episodes whose scenarios the server has not disclosed.
+    pub(super) fn undisclosed(&self) -> usize {
+        self.unbegun.len() * self.group_size
+    }
+
+    /// Numbers of the next groups to begin, with at least `episodes` episodes if there are so many.
+    pub(super) fn next_unbegun(&self, episodes: usize) -> Vec<usize> {
+        let groups = episodes.div_ceil(self.group_size.max(1));
+        self.unbegun.iter().take(groups).copied().collect()
+    }
+
+    /// Adds the scenarios of groups that were begun, from the server's response.
+    ///
+    /// # Errors
+    /// As for [`Self::read`]. The groups are not requested again.
+    pub(super) fn add_begun(&mut self, groups: &[usize], response: Value) -> Result<(), String> {
+        self.unbegun.retain(|group| !groups.contains(group));
+        let ranges = checked_ranges(&read_response(response)?, false)?;
+        self.left += count_episodes(&ranges, self.group_size);
+        self.ranges.extend(ranges);
+        Ok(())
+    }
+
+    /// Forgets the groups that were not begun; returns the number of their episodes.
+    pub(super) fn drop_unbegun(&mut self) -> usize {
+        let episodes = self.undisclosed();
+        self.unbegun.clear();
+        episodes
     }
 
     /// Scenario of the first episode of the lease.
@@ -162,6 +197,34 @@ impl LeaseEpisodes {
         let id = LeasedEpisode { lease, index, level: range.level, train: range.train };
         Some(PooledEpisode { id, scenario: Scenario::new(Arc::clone(&range.recipe), seed) })
     }
+}
+
+fn read_response(response: Value) -> Result<LeaseResponse, String> {
+    serde_json::from_value(response).map_err(|error| {
+        format!("the server sent a lease that this version of sparring cannot read: {error}")
+    })
+}
+
+/// Number of episodes of seed ranges.
+fn count_episodes(ranges: &[SeedRange], group_size: usize) -> usize {
+    ranges.iter().map(|range| range.groups).sum::<usize>() * group_size
+}
+
+/// Reads the scenarios of a lease, and checks their seeds.
+fn checked_ranges(response: &LeaseResponse, evaluation: bool) -> Result<Vec<SeedRange>, String> {
+    let ranges = read_ranges(response)?;
+    // A policy that trains on held-out scenarios invalidates its evaluations; no server grants such a lease.
+    let is_held_out = |range: &SeedRange| {
+        Seed::new(range.first_seed).is_ok_and(|seed| seed.space() == SeedSpace::Evaluation)
+    };
+    if ranges.iter().any(is_held_out) && !evaluation {
+        return Err("the lease has evaluation seeds, which are only for leases of an evaluation".to_owned());
+    }
+    let last_seed = |range: &SeedRange| Seed::new(range.first_seed + range.groups.saturating_sub(1) as u64);
+    if let Some(error) = ranges.iter().find_map(|range| last_seed(range).err()) {
+        return Err(error.to_string());
+    }
+    Ok(ranges)
 }
 
 fn read_ranges(response: &LeaseResponse) -> Result<Vec<SeedRange>, String> {

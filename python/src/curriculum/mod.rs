@@ -1,7 +1,7 @@
 //! The curriculum of a run as a source of episodes.
 //!
 //! One thread leases episodes ahead ([`fetch`]), another submits results ([`report`]). Between them and the environments
-//! lies the [`episode_queue`]. A step waits for the network only if no episode is ready or too many results are unsent.
+//! lies the [`episode_queue`], behind the lock of [`shared_queue`]. A step waits for the network only if no episode is ready or too many results are unsent.
 //! Start with [`client`], which environments call; [`native`] is its Python class.
 
 mod client;
@@ -13,6 +13,7 @@ mod lease;
 mod native;
 mod native_http;
 mod report;
+mod shared_queue;
 
 pub(crate) use self::client::CurriculumClient;
 pub(crate) use self::error::{CurriculumError, WaitError};

@@ -8,11 +8,11 @@ use pyo3::prelude::*;
 use serde_json::json;
 
 use super::client::CurriculumClient;
-use super::episode_queue::SharedQueue;
 use super::error::{curriculum_error, deadline};
 use super::fetch::{LeaseRequest, run_fetch};
 use super::http_client::HttpClient;
 use super::report::run_report;
+use super::shared_queue::SharedQueue;
 use crate::errors::invalid;
 
 /// A run's curriculum for one trainer, with the threads that lease episodes and submit results.

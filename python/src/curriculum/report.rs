@@ -7,9 +7,10 @@ use std::time::{Duration, Instant};
 use env_core::batch::episode_assigner::RecordedActions;
 use serde_json::{Value, json};
 
-use super::episode_queue::{ColumnLease, EpisodeCounts, EpisodeResult, SharedQueue, Submission};
+use super::episode_queue::{ColumnLease, EpisodeCounts, EpisodeResult, Submission};
 use super::http_client::{HttpClient, RETRY_DELAY, RequestError};
 use super::lease::Lease;
+use super::shared_queue::SharedQueue;
 
 /// Interval at which the idle report thread checks the queue even without a notification.
 const REPORT_CHECK_INTERVAL: Duration = Duration::from_secs(1);
