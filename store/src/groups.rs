@@ -272,9 +272,27 @@ pub async fn update(
     }
     let values = |row: &GroupRow| {
         let closed_at = (row.state != GroupState::Open).then_some(now);
-        let GroupRow { number, state, finished, failed, successes, counted, counted_successes, abandoned, .. } = row;
+        let GroupRow {
+            number,
+            state,
+            finished,
+            failed,
+            successes,
+            counted,
+            counted_successes,
+            abandoned,
+            ..
+        } = row;
         serde_json::json!([
-            number, state, finished, failed, successes, counted, counted_successes, abandoned, closed_at
+            number,
+            state,
+            finished,
+            failed,
+            successes,
+            counted,
+            counted_successes,
+            abandoned,
+            closed_at
         ])
     };
     let rows = to_json(&rows.iter().map(values).collect::<Vec<_>>())?;

@@ -56,7 +56,8 @@ impl RunDetails {
             summary.created_at
         ));
         if summary.seed_reused {
-            report.line("Another run has or had the same seed, so the scenarios and their plans may be known.");
+            report
+                .line("Another run has or had the same seed, so the scenarios and their plans may be known.");
         }
         if !summary.tags.is_empty() {
             report.line(format!("Tags: {}.", summary.tags.join(", ")));
