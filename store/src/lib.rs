@@ -29,6 +29,7 @@ pub mod failures;
 pub mod gc;
 pub mod group_counters;
 pub mod group_results;
+pub mod group_slots;
 pub mod groups;
 pub mod history;
 pub mod ids;

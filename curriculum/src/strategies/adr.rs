@@ -42,7 +42,7 @@ struct ParamBound {
     /// Slots at the bound that are not settled.
     queue: SlotQueue,
     filling: EvidenceBlock,
-    /// Last full buffer.
+    /// The last buffer that was full.
     #[serde(default)]
     last_full: Option<EvidenceBlock>,
 }

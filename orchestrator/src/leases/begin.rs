@@ -1,5 +1,6 @@
 //! Begins groups of a lease with `disclosure: begin`: their scenarios are disclosed, and those that count become slots.
 
+use store::group_slots;
 use store::groups::{self, GroupRow, GroupState};
 use store::ids::{LeaseId, RunId};
 use store::leases::{Disclosure, LeaseRow, LeaseStatus};
@@ -53,7 +54,7 @@ impl Change for BeginGroups {
             let slots = new_slots(&mut run, row.id, &later).await?;
             let numbers: Vec<i64> = new.iter().map(|group| group.number).collect();
             let slot_numbers: Vec<i64> = slots.iter().map(|slot| slot.number).collect();
-            groups::disclose(run.conn, row.id, &numbers, &slot_numbers).await?;
+            group_slots::disclose(run.conn, row.id, &numbers, &slot_numbers).await?;
             for group in rows.iter_mut().filter(|group| numbers.contains(&group.number)) {
                 group.is_disclosed = true;
                 group.is_slot |= slot_numbers.contains(&group.number);

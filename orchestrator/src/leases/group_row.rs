@@ -48,7 +48,7 @@ pub(crate) fn proposed_group(
         is_disclosed: terms.disclosure == Disclosure::Lease,
         ..GroupRow::open(number, group_role(proposal.role), proposal.task.clone(), scenario)
     };
-    // A group whose scenario nobody can know yet becomes a slot when it is disclosed.
+    // A group whose scenario no trainer can know yet becomes a slot when it is disclosed.
     row.is_slot =
         (row.is_disclosed || terms.is_seed_reused) && is_slot(&row, &proposal, queued.attempts == 0);
     let slot = row.is_slot.then(|| slot_of(terms.lease, queued.seq, 0, &proposal));

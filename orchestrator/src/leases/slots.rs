@@ -1,5 +1,6 @@
 //! Slots of leased groups: the groups whose results are evidence of mastery.
 
+use store::group_slots;
 use store::groups::{self, GroupRow, GroupState};
 use store::leases;
 use store::proposals::{self, LeasedProposal};
@@ -62,7 +63,7 @@ pub(crate) async fn open_undisclosed(run: &mut RunTx<'_>) -> Result<(), ServiceE
         open.retain(|group| group.state == GroupState::Open && !group.is_disclosed && !group.is_slot);
         let slots = new_slots(run, lease, &open).await?;
         let numbers: Vec<i64> = slots.iter().map(|slot| slot.number).collect();
-        groups::set_slots(run.conn, lease, &numbers).await?;
+        group_slots::set_slots(run.conn, lease, &numbers).await?;
         let slots = slots.into_iter().map(|GroupSlot { slot, .. }| slot).collect();
         run.state.open_slots(run.conn, slots, run.now).await?;
     }

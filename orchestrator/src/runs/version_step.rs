@@ -15,8 +15,8 @@ pub fn check_version_step(field: &str, version: u32, newest: i64) -> Result<(), 
         return Ok(());
     }
     let reason = format!(
-        "must be at most {max}, {MAX_VERSION_STEP} above the newest version of the run ({newest}), got {version}; \
-         an admin can set a higher newest version with PUT /v1/runs/{{run}}/policy_version"
+        "must be at most {max}: the newest version of the run is {newest}, and a request raises it by at most \
+         {MAX_VERSION_STEP}; got {version}; an admin can set a higher newest version with PUT /v1/runs/{{run}}/policy_version"
     );
     Err(ServiceError::invalid(field, reason))
 }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::core::evidence::block::EvidenceBlock;
+use crate::core::evidence::block::{EvidenceBlock, format_count};
 use crate::core::evidence::level_move::{MoveEvidence, ProbeSummary};
 use crate::core::evidence::slot_queue::SlotQueue;
 
@@ -99,7 +99,7 @@ impl Placement {
     pub(super) fn evidence(&self, level: u32) -> MoveEvidence {
         let probes = self.probes.iter().map(|probe| {
             let result = if probe.passed { "passed" } else { "failed" };
-            format!("level {} {result} with {:.2} of {}", probe.level, probe.low, probe.n)
+            format!("level {} {result} with {} of {}", probe.level, format_count(probe.low), probe.n)
         });
         let probes = probes.collect::<Vec<_>>().join(", ");
         let chosen = if self.unknown == 0 { "no level passed" } else { "the highest that passed" };

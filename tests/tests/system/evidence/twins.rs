@@ -58,7 +58,7 @@ async fn twin_that_is_created_later_makes_leased_groups_count() {
     let shown = begin_easy_groups(&api, "first", &leased, &easy).await;
     let missing = (8 - easy.len()) as f64 / 8.0;
     assert_eq!((&shown["n"], &shown["missing"]), (&json!(8), &json!(missing)), "{shown}");
-    // What was returned is offered again for training, and is no first attempt any more.
+    // The returned scenarios are offered again for training. A second attempt is no slot.
     let again = lease(&api, "first").await;
     assert!(task(&api, "first").await["mastery"]["open"].as_u64().unwrap() <= easy.len() as u64, "{again:?}");
 }
