@@ -77,7 +77,7 @@ pub enum ServiceError {
     )]
     AuditDue(String),
     /// The lease belongs to another principal.
-    #[error("lease {0} belongs to another principal; use a token of its owner or of an admin")]
+    #[error("lease {0} belongs to another principal; use a token of an admin or of its owner")]
     ForeignLease(String),
     /// The client's principal is neither the owner nor a member of the run.
     #[error(

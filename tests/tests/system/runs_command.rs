@@ -72,8 +72,8 @@ fn use_runs(db: &Path, is_served: bool) {
     assert_eq!((&shown["id"], &shown["seed"]), (&json!("first"), &json!(3)));
     assert_eq!(shown["mastery"]["tasks"][0]["task"], "kessler/survival");
     let is_marked =
-        |run: &str| stdout(db, &["runs", "show", run]).contains("An earlier run has the same seed");
-    assert_eq!([is_marked("first"), is_marked("second")], [false, true]);
+        |run: &str| stdout(db, &["runs", "show", run]).contains("Another run has or had the same seed");
+    assert_eq!([is_marked("first"), is_marked("second")], [true, true]);
     let status = json_output(db, &["status", "--json"]);
     assert_eq!((&status["run_count"], status["url"].is_string()), (&json!(2), is_served));
     assert!(stdout(db, &["status", "first"]).contains("kessler/survival"));

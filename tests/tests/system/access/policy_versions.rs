@@ -13,7 +13,8 @@ async fn put_version(api: &ApiClient, version: u32) -> ApiResponse {
 fn assert_invalid(response: ApiResponse, field: &str) {
     let body = response.expect(422);
     assert!(
-        body["field"] == field && body["detail"].as_str().unwrap().contains("above the newest"),
+        body["field"] == field
+            && body["detail"].as_str().unwrap().contains("the newest version of the run is"),
         "{body}"
     );
 }
