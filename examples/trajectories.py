@@ -82,7 +82,8 @@ def main():
     learned, useful = set(), 0
     while len(learned) < args.groups:
         limit = min(4, args.groups - len(learned))
-        pulled = api.request("GET", f"/v1/runs/{run}/trajectories?limit={limit}&wait_s=30&ttl_s=300")
+        claim = {"limit": limit, "wait_s": 30, "ttl_s": 300}
+        pulled = api.request("POST", f"/v1/runs/{run}/trajectories/claim", claim)
         for group in pulled["groups"]:
             # A group can be delivered more than once.
             if group["id"] not in learned:

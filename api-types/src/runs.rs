@@ -117,6 +117,22 @@ pub struct RunMembersRequest {
     pub owner: Option<String>,
 }
 
+/// Request to archive several runs.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ArchiveRequest {
+    /// Ids of the runs, 1 to 1 000.
+    #[schema(min_items = 1, max_items = 1000)]
+    pub runs: Vec<String>,
+}
+
+/// Runs that were archived.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct ArchivedRuns {
+    /// The runs in the order of the request.
+    pub runs: Vec<RunSummary>,
+}
+
 /// Confirmation of a deletion.
 #[derive(Debug, Clone, Serialize, Deserialize, IntoParams)]
 #[into_params(parameter_in = Query)]

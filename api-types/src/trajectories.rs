@@ -21,12 +21,27 @@ pub struct TrajectoryQuery {
     #[param(minimum = 0, maximum = 60, default = 0)]
     #[serde(default, deserialize_with = "crate::integers::optional::<_, 0, 60>")]
     pub wait_s: Option<u32>,
+    /// Id after which groups are read, acknowledged or not (default 0: from the first one that is kept).
+    #[param(default = 0)]
+    pub after: Option<u64>,
+}
+
+/// Request to claim groups that no consumer has claimed or acknowledged.
+#[derive(Debug, Clone, Default, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TrajectoryClaim {
+    /// Largest number of groups, from 1 to 256 (default 8). A response has at most 32 MiB of JSON, or a single group.
+    #[schema(minimum = 1, maximum = 256, default = 8)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 256>")]
+    pub limit: Option<u32>,
+    /// Longest wait for the first group, seconds, from 0 to 60 (default 0).
+    #[schema(minimum = 0, maximum = 60, default = 0)]
+    #[serde(default, deserialize_with = "crate::integers::optional::<_, 0, 60>")]
+    pub wait_s: Option<u32>,
     /// Duration of the claim, seconds, from 1 to 86 400 (default 600). A group that is not acknowledged by then is delivered again.
-    #[param(minimum = 1, maximum = 86_400, default = 600)]
+    #[schema(minimum = 1, maximum = 86_400, default = 600)]
     #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 86_400>")]
     pub ttl_s: Option<u32>,
-    /// Id after which groups are read again without a claim, acknowledged or not.
-    pub after: Option<u64>,
 }
 
 /// Acknowledgement of delivered groups.

@@ -15,6 +15,7 @@ use commands::output;
 use llm::LlmClient;
 use orchestrator::designs::{BuiltInDesigners, Designers, DesignersWithModel};
 use orchestrator::limits::ClientLimits;
+use orchestrator::retention::archived::ArchivedRetention;
 use orchestrator::service::{Config, Service};
 use orchestrator::sessions::SessionLimits;
 
@@ -61,6 +62,9 @@ pub struct Args {
     /// Memory limit of the environments of all vector sessions of /v1/sessions together, in MiB
     #[arg(long, default_value_t = 1024, value_name = "MIB", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     session_memory: u32,
+    /// Delete archived runs with all of their data after this many days; without it they are kept
+    #[arg(long, value_name = "DAYS", env = "SPARRING_DELETE_ARCHIVED_AFTER", value_parser = clap::value_parser!(u32).range(1..=36_500))]
+    delete_archived_after: Option<u32>,
     /// Also stop when standard input is closed, for example because the parent process ended
     #[arg(long)]
     while_stdin: bool,
@@ -136,7 +140,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let bind = args.bind.address();
         let forgotten = args.temporary.then(|| tempfile::Builder::new().prefix("sparring-").tempdir()).transpose()?;
         let db = forgotten.as_ref().map_or_else(|| args.db.clone(), |folder| folder.path().join("sparring.sqlite3"));
-        let config = Config { db: db.clone(), bind, clock, designers, sessions, judges, endpoint, openenv_public: args.openenv_public, client_limits: args.each.client_limits(), process_token: None };
+        let config = Config { db: db.clone(), bind, clock, designers, sessions, judges, endpoint, openenv_public: args.openenv_public, client_limits: args.each.client_limits(), archived_retention: args.delete_archived_after.map(ArchivedRetention::of_days), process_token: None };
         let mut service = Service::start(config).await?;
         // A program that reads the URL may stop the server at once.
         let mut stop = StopSignal::install()?;

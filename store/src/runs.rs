@@ -170,6 +170,24 @@ pub async fn exists(conn: &mut SqliteConnection, id: &str) -> Result<bool, Store
     Ok(found.fetch_optional(conn).await?.is_some())
 }
 
+/// Ids of runs that were archived before a time, the earliest first.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn archived_before(
+    conn: &mut SqliteConnection,
+    at: Millis,
+    limit: i64,
+) -> Result<Vec<String>, StoreError> {
+    Ok(sqlx::query_scalar!(
+        "SELECT id FROM runs WHERE archived_at < ? AND deleted_at IS NULL ORDER BY archived_at LIMIT ?",
+        at,
+        limit
+    )
+    .fetch_all(conn)
+    .await?)
+}
+
 /// Reads runs in order of creation, newest last, after a cursor: archived runs, or all others.
 ///
 /// # Errors

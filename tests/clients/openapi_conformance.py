@@ -178,7 +178,7 @@ def wait_for(what, ready):
 
 def create_resources(url):
     """Creates a run with server rollouts, leases of both forms with results, and designs; returns their ids."""
-    for run in ("real", "spare", "unwanted"):
+    for run in ("real", "spare", "unwanted", "finished"):
         request_json(url, "POST", "/v1/runs", {"id": run, "seed": 1, "group_size": 2, "placement": False, "tasks": [TASK]})
     request_json(url, "POST", "/v1/runs/unwanted/archive")
     at = "/v1/runs/real"
@@ -211,6 +211,7 @@ def create_resources(url):
             ("GET /v1/evaluations/compare", {}, {"a": evaluations[0], "b": evaluations[1]}),
             ("POST /v1/evaluations/{evaluation}/cancel", {"evaluation": given_up}, None),
             ("DELETE /v1/runs/{run}", {"run": "unwanted"}, {"name": "unwanted"}),
+            ("POST /v1/archive", {}, {"runs": ["finished"]}),
             ("POST /step", {}, {"burns": []}),
             ("POST /v1/scenarios", {}, {"scenario": scenario}),
             ("POST /v1/scenarios", {}, {"scenario": scenario, "actions": actions, "telemetry": True}),

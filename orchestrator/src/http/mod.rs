@@ -33,7 +33,7 @@ use std::sync::Arc;
 
 use axum::Router;
 use axum::extract::Request;
-use axum::http::{HeaderValue, Method, StatusCode, Version, header};
+use axum::http::{HeaderValue, StatusCode, Version, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use tower_http::catch_panic::CatchPanicLayer;
@@ -146,7 +146,8 @@ async fn limit_request(request: Request, next: Next) -> Response {
     let too_large =
         length.and_then(|text| text.parse::<usize>().ok()).is_some_and(|length| length > MAX_BODY_BYTES);
     let persistent = request.version() <= Version::HTTP_11;
-    let is_long_poll = request.method() == Method::GET && request.uri().path().ends_with("/trajectories");
+    let is_long_poll =
+        ["/trajectories", "/trajectories/claim"].iter().any(|end| request.uri().path().ends_with(end));
     let timeout = if is_long_poll { REQUEST_TIMEOUT + LONG_POLL_EXTRA_TIMEOUT } else { REQUEST_TIMEOUT };
     let response = if too_large {
         Problem::too_large().into_response()

@@ -2,7 +2,7 @@
 //!
 //! [`settings`] has the policy of a run. A worker leases a group ([`rollout_lease`]), loads it ([`RolloutGroup`]), rolls out its
 //! episodes ([`run_episode`]) and writes them as a [`trajectory_group`]. [`push`] counts the group and pushes it to the run's
-//! feed in one transaction; trainers pull and acknowledge it by [`feed`]. The worker itself is `workers::rollout`.
+//! feed in one transaction; trainers claim and acknowledge it by [`feed`]. The worker itself is `workers::rollout`.
 
 pub mod feed;
 mod group;

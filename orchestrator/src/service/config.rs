@@ -8,6 +8,7 @@ use store::{OpenError, StoreError};
 
 use crate::designs::{BuiltInDesigners, Designers};
 use crate::limits::ClientLimits;
+use crate::retention::archived::ArchivedRetention;
 use crate::rollouts::Endpoint;
 use crate::sessions::SessionLimits;
 use crate::tokens::Token;
@@ -35,6 +36,8 @@ pub struct Config {
     pub openenv_public: bool,
     /// Limits for each client.
     pub client_limits: ClientLimits,
+    /// How long archived runs are kept; `None` keeps them for ever.
+    pub archived_retention: Option<ArchivedRetention>,
     /// Token of the process that starts the service for itself; `None` for a server. With it, no worker runs, the state of the
     /// last server is not recovered, and only requests with this token are admitted, as an admin's.
     pub process_token: Option<Token>,
@@ -54,6 +57,7 @@ impl Config {
             endpoint: None,
             openenv_public: false,
             client_limits: ClientLimits::default(),
+            archived_retention: None,
             process_token: None,
         }
     }

@@ -231,6 +231,7 @@ fn spawn_workers(
         sessions: Arc::clone(sessions),
         designers: Arc::clone(&config.designers),
         endpoint: config.endpoint.clone(),
+        archived_retention: config.archived_retention,
     };
     workers.spawn().map_err(StartError::Threads)
 }

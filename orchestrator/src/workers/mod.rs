@@ -6,6 +6,7 @@
 pub mod checkpoint;
 mod clock;
 mod critique;
+mod delete_archived;
 pub mod delete_runs;
 mod design;
 mod evaluate;

@@ -10,6 +10,7 @@ use tokio::sync::watch;
 use tokio::task::JoinSet;
 
 use super::critique::CritiqueWorker;
+use super::delete_archived::ArchivedRunWorker;
 use super::design::DesignWorker;
 use super::prepare::{self, PrepareWorker};
 use super::rollout::RolloutWorker;
@@ -17,6 +18,7 @@ use super::{clock as clock_worker, delete_runs, evaluate, expire, retention, rev
 use crate::designs::Designers;
 use crate::engine::signals::WorkerSignals;
 use crate::leases::lease_service::LeaseService;
+use crate::retention::archived::ArchivedRetention;
 use crate::rollouts::Endpoint;
 use crate::sessions::SessionManager;
 use crate::threads::{self, ThreadPriority};
@@ -38,6 +40,8 @@ pub struct WorkerConfig {
     pub designers: Arc<dyn Designers>,
     /// Language model for runs with the policy `chat`, if one is configured.
     pub endpoint: Option<Endpoint>,
+    /// How long archived runs are kept; `None` keeps them for ever.
+    pub archived_retention: Option<ArchivedRetention>,
 }
 
 impl WorkerConfig {
@@ -55,7 +59,8 @@ impl WorkerConfig {
     }
 
     fn jobs(self) -> Result<Vec<BoxFuture<'static, ()>>, ThreadPoolBuildError> {
-        let Self { clock, lease_service, signals, ready, sessions, designers, endpoint } = self;
+        let Self { clock, lease_service, signals, ready, sessions, designers, endpoint, archived_retention } =
+            self;
         let LeaseService { writer, readers, .. } = &lease_service;
         let preparer = PrepareWorker {
             readers: readers.clone(),
@@ -85,7 +90,14 @@ impl WorkerConfig {
             endpoint,
             pool: background_pool("rollout")?,
         };
-        Ok(vec![
+        let archived = archived_retention.map(|retention| ArchivedRunWorker {
+            readers: readers.clone(),
+            writer: writer.clone(),
+            clock: clock.clone(),
+            sessions: Arc::clone(&sessions),
+            retention,
+        });
+        let mut jobs = vec![
             preparer.run().boxed(),
             expire::run(writer.clone()).boxed(),
             clock_worker::run(clock.clone(), writer.clone()).boxed(),
@@ -96,7 +108,9 @@ impl WorkerConfig {
             critic.run().boxed(),
             designer.run().boxed(),
             rollouts.run().boxed(),
-        ])
+        ];
+        jobs.extend(archived.map(|worker| worker.run().boxed()));
+        Ok(jobs)
     }
 }
 

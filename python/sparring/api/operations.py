@@ -553,6 +553,11 @@ class Runs:
     def __init__(self, send: Send) -> None:
         self._send = send
 
+    def archive(self, **body: Unpack[types.ArchiveRequest]) -> types.ArchivedRuns:
+        """Archive several runs: all of them or none."""
+        response: types.ArchivedRuns = self._send("POST", "/v1/archive", {}, body, is_repeatable=True)
+        return response
+
     def list(
         self, *, archived: bool | None = None, tag: str | None = None, limit: int | None = None, cursor: str | None = None
     ) -> types.RunPage:
@@ -712,23 +717,21 @@ class Trajectories:
         response: types.RunPolicyState = self._send("PUT", f"/v1/runs/{_segment(run)}/policy", {}, body, is_repeatable=True)
         return response
 
-    def pull(
-        self, run: str, *, limit: int | None = None, wait_s: int | None = None, ttl_s: int | None = None, after: int | None = None
+    def read(
+        self, run: str, *, limit: int | None = None, wait_s: int | None = None, after: int | None = None
     ) -> types.TrajectoryPage:
-        """Pull finished groups of the trajectory feed, in order.
+        """Read finished groups of the trajectory feed from an id on, in order, acknowledged or not.
 
         Args:
             limit: Largest number of groups, from 1 to 256 (default 8). A response has at most 32 MiB of JSON, or a
                 single group.
             wait_s: Longest wait for the first group, seconds, from 0 to 60 (default 0).
-            ttl_s: Duration of the claim, seconds, from 1 to 86 400 (default 600). A group that is not acknowledged by
-                then is delivered again.
-            after: Id after which groups are read again without a claim, acknowledged or not.
+            after: Id after which groups are read, acknowledged or not (default 0: from the first one that is kept).
         """
         response: types.TrajectoryPage = self._send(
             "GET",
             f"/v1/runs/{_segment(run)}/trajectories",
-            {"limit": limit, "wait_s": wait_s, "ttl_s": ttl_s, "after": after},
+            {"limit": limit, "wait_s": wait_s, "after": after},
             None,
             is_repeatable=True,
         )
@@ -738,6 +741,13 @@ class Trajectories:
         """Acknowledge delivered groups."""
         response: types.AcknowledgeResponse = self._send(
             "POST", f"/v1/runs/{_segment(run)}/trajectories/ack", {}, body, is_repeatable=True
+        )
+        return response
+
+    def claim(self, run: str, **body: Unpack[types.TrajectoryClaim]) -> types.TrajectoryPage:
+        """Claim finished groups of the trajectory feed, in order."""
+        response: types.TrajectoryPage = self._send(
+            "POST", f"/v1/runs/{_segment(run)}/trajectories/claim", {}, body, is_repeatable=True
         )
         return response
 
@@ -1294,6 +1304,11 @@ class AsyncRuns:
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
 
+    async def archive(self, **body: Unpack[types.ArchiveRequest]) -> types.ArchivedRuns:
+        """Archive several runs: all of them or none."""
+        response: types.ArchivedRuns = await self._send("POST", "/v1/archive", {}, body, is_repeatable=True)
+        return response
+
     async def list(
         self, *, archived: bool | None = None, tag: str | None = None, limit: int | None = None, cursor: str | None = None
     ) -> types.RunPage:
@@ -1459,23 +1474,21 @@ class AsyncTrajectories:
         response: types.RunPolicyState = await self._send("PUT", f"/v1/runs/{_segment(run)}/policy", {}, body, is_repeatable=True)
         return response
 
-    async def pull(
-        self, run: str, *, limit: int | None = None, wait_s: int | None = None, ttl_s: int | None = None, after: int | None = None
+    async def read(
+        self, run: str, *, limit: int | None = None, wait_s: int | None = None, after: int | None = None
     ) -> types.TrajectoryPage:
-        """Pull finished groups of the trajectory feed, in order.
+        """Read finished groups of the trajectory feed from an id on, in order, acknowledged or not.
 
         Args:
             limit: Largest number of groups, from 1 to 256 (default 8). A response has at most 32 MiB of JSON, or a
                 single group.
             wait_s: Longest wait for the first group, seconds, from 0 to 60 (default 0).
-            ttl_s: Duration of the claim, seconds, from 1 to 86 400 (default 600). A group that is not acknowledged by
-                then is delivered again.
-            after: Id after which groups are read again without a claim, acknowledged or not.
+            after: Id after which groups are read, acknowledged or not (default 0: from the first one that is kept).
         """
         response: types.TrajectoryPage = await self._send(
             "GET",
             f"/v1/runs/{_segment(run)}/trajectories",
-            {"limit": limit, "wait_s": wait_s, "ttl_s": ttl_s, "after": after},
+            {"limit": limit, "wait_s": wait_s, "after": after},
             None,
             is_repeatable=True,
         )
@@ -1485,6 +1498,13 @@ class AsyncTrajectories:
         """Acknowledge delivered groups."""
         response: types.AcknowledgeResponse = await self._send(
             "POST", f"/v1/runs/{_segment(run)}/trajectories/ack", {}, body, is_repeatable=True
+        )
+        return response
+
+    async def claim(self, run: str, **body: Unpack[types.TrajectoryClaim]) -> types.TrajectoryPage:
+        """Claim finished groups of the trajectory feed, in order."""
+        response: types.TrajectoryPage = await self._send(
+            "POST", f"/v1/runs/{_segment(run)}/trajectories/claim", {}, body, is_repeatable=True
         )
         return response
 

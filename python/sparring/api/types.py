@@ -52,6 +52,13 @@ AllEpisodes: TypeAlias = Literal["all"]
 """The word `all` in JSON."""
 
 
+class ArchiveRequest(TypedDict):
+    """Request to archive several runs."""
+
+    runs: list[str]
+    """Ids of the runs, 1 to 1 000."""
+
+
 class AuditLogEntry(TypedDict):
     """Entry of the audit log."""
 
@@ -1156,7 +1163,10 @@ class RunSummary(TypedDict):
     seed: int
     """Seed of the run's random streams."""
     seed_reused: bool
-    """True if a run that was created before, possibly a deleted one, has the same seed. Its scenarios and their plans may be known."""
+    """
+    True if another run, possibly a deleted one, has the same seed. Trainers may then know scenarios and plans before they lease them, so
+    that groups of leases with `disclosure: begin` count from the lease on.
+    """
     settings: dict[str, Any]
     """Complete settings of the run."""
     status: RunStatus
@@ -1477,6 +1487,17 @@ class TaskSpeedBands(TypedDict):
     """Unit of the edges."""
 
 
+class TrajectoryClaim(TypedDict):
+    """Request to claim groups that no consumer has claimed or acknowledged."""
+
+    limit: NotRequired[int | None]
+    """Largest number of groups, from 1 to 256 (default 8). A response has at most 32 MiB of JSON, or a single group."""
+    ttl_s: NotRequired[int | None]
+    """Duration of the claim, seconds, from 1 to 86 400 (default 600). A group that is not acknowledged by then is delivered again."""
+    wait_s: NotRequired[int | None]
+    """Longest wait for the first group, seconds, from 0 to 60 (default 0)."""
+
+
 class TrajectoryMetrics(TypedDict):
     """Metrics of a language model over an episode, by the names under which trainers log them."""
 
@@ -1546,6 +1567,13 @@ class ActionValue(TypedDict):
     """Step of the action, from 1."""
     verdict: ActionVerdict
     """Verdict on the action."""
+
+
+class ArchivedRuns(TypedDict):
+    """Runs that were archived."""
+
+    runs: list[RunSummary]
+    """The runs in the order of the request."""
 
 
 class ChatMessage(TypedDict):

@@ -158,13 +158,13 @@ impl Trainer {
         Ok(())
     }
 
-    /// Pulls groups of server rollouts from the feed and acknowledges half of them.
+    /// Claims groups of server rollouts from the feed and acknowledges half of them.
     pub(super) async fn consume_trajectories(self) -> anyhow::Result<()> {
-        let path = format!("/trajectories?limit=4&wait_s=1&ttl_s={DELIVERY_TTL_S}");
+        let claim = json!({"limit": 4, "wait_s": 1, "ttl_s": DELIVERY_TTL_S});
         while self.is_running() {
-            let pulled = self.request("GET", &path, &json!(null)).await?;
-            ensure!(pulled.status == 200, "no trajectories: {}", pulled.body);
-            let groups = pulled.body["groups"].as_array().context("no groups")?;
+            let claimed = self.request("POST", "/trajectories/claim", &claim).await?;
+            ensure!(claimed.status == 200, "no trajectories: {}", claimed.body);
+            let groups = claimed.body["groups"].as_array().context("no groups")?;
             groups.iter().for_each(|group| self.log.record_delivery(group));
             let ids: Vec<i64> = groups.iter().filter_map(|group| group["id"].as_i64()).step_by(2).collect();
             if ids.is_empty() {
@@ -190,27 +190,33 @@ fn column_scenarios(lease: &Lease) -> anyhow::Result<Vec<env_core::Scenario>> {
     Ok(scenarios)
 }
 
-/// Pulls every group that is in the feed without an acknowledgement. Server rollouts must be off.
+/// Claims every group that is in the feed without an acknowledgement. Server rollouts must be off.
 ///
-/// A group that was delivered to a trainer returns to the feed after its TTL, so this function pulls until it has all.
+/// A group that was delivered to a trainer returns to the feed after its TTL, so this function claims until it has all.
 pub(super) async fn drain_feed(api: &ApiClient, run: &str) -> anyhow::Result<Vec<Value>> {
     let mut groups = Vec::new();
-    let drained = try_wait_for("every group without an acknowledgement is delivered", async || {
-        match pull_remaining(api, run, &mut groups).await {
+    let drained =
+        try_wait_for("every group without an acknowledgement is delivered", async || match claim_remaining(
+            api,
+            run,
+            &mut groups,
+        )
+        .await
+        {
             Ok(true) => Some(Ok(())),
             Ok(false) => None,
             Err(error) => Some(Err(error)),
-        }
-    });
+        });
     drained.await??;
     Ok(groups)
 }
 
 /// Appends the groups that the feed delivers now; returns true if these are all groups without an acknowledgement.
-async fn pull_remaining(api: &ApiClient, run: &str, groups: &mut Vec<Value>) -> anyhow::Result<bool> {
-    let pulled = api.get(&format!("/v1/runs/{run}/trajectories?limit=64&ttl_s=600&wait_s=0")).await;
-    ensure!(pulled.status == 200, "no trajectories: {}", pulled.body);
-    groups.extend(pulled.body["groups"].as_array().context("no groups")?.iter().cloned());
+async fn claim_remaining(api: &ApiClient, run: &str, groups: &mut Vec<Value>) -> anyhow::Result<bool> {
+    let claim = json!({"limit": 64, "ttl_s": 600});
+    let claimed = api.post(&format!("/v1/runs/{run}/trajectories/claim"), claim).await;
+    ensure!(claimed.status == 200, "no trajectories: {}", claimed.body);
+    groups.extend(claimed.body["groups"].as_array().context("no groups")?.iter().cloned());
     let feed = api.get(&format!("/v1/runs/{run}/policy")).await.body["feed"].clone();
     let count = |field: &str| feed[field].as_u64().with_context(|| format!("no number of {field} groups"));
     Ok(groups.len() as u64 == count("waiting")? + count("delivered")?)

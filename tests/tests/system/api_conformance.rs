@@ -1,5 +1,6 @@
 //! Checks with schemathesis, from the package index, that every response of a server is as its OpenAPI document says.
 //! The check itself is `tests/clients/openapi_conformance.py`, which can also be run by hand.
+//! Tests start in alphabetical order. The name of this module lets its test, the longest one, start early.
 
 use std::path::Path;
 use std::process::Command;

@@ -55,6 +55,7 @@ async fn valid_requests(api: &ApiClient) -> Vec<(&'static str, String, Value)> {
         ("PUT", run("/policy"), json!({"policy": "off", "version": 1})),
         ("PUT", run("/policy_version"), json!({"policy_version": 1})),
         ("PUT", run("/retention"), json!({"episodes": 1000, "claimed": "all"})),
+        ("POST", run("/trajectories/claim"), json!({"limit": 2, "ttl_s": 5})),
         ("POST", run("/trajectories/ack"), json!({"ids": [1, 2]})),
         ("POST", "/v1/scenarios".to_owned(), json!({"scenario": scenario, "policy": "hold"})),
         (

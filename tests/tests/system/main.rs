@@ -6,6 +6,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by a panic")]
 
 mod access;
+mod api_conformance;
 mod api_page;
 mod bad_input;
 mod crash;
@@ -22,7 +23,6 @@ mod feed;
 mod fuzz;
 mod lease_purposes;
 mod leases;
-mod openapi_conformance;
 mod openenv;
 mod openenv_clients;
 mod physics;

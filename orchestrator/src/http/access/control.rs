@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use axum::RequestExt;
 use axum::extract::{RawPathParams, Request};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header};
 use sqlx::SqlitePool;
 use store::role::Role;
 use store::token_cache::{TokenCache, ValidToken};
@@ -14,6 +14,7 @@ use store::tokens::{self, TokenRow, TokenState};
 
 use super::super::problem::Problem;
 use super::Caller;
+use super::cross_site::check_cross_site;
 use super::loopback::check_loopback;
 use super::permissions::{Operation, Permission};
 use crate::engine::access_log::TouchToken;
@@ -114,10 +115,12 @@ impl AccessControl {
     pub(super) async fn admit(
         &self,
         permission: Permission,
+        method: &Method,
         headers: &HeaderMap,
         uri: &Uri,
         peer: Option<IpAddr>,
     ) -> Result<Caller, AccessDenied> {
+        check_cross_site(method, headers)?;
         if let Some(expected) = &self.process_token {
             let sent = headers.get(header::AUTHORIZATION).and_then(parse_token);
             let is_own = sent.is_some_and(|token| token.hash() == *expected);

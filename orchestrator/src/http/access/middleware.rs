@@ -38,10 +38,11 @@ pub(crate) async fn authorize(
     // An unlisted operation needs the highest role. The route itself rejects unknown methods.
     let permission = operation.map_or(Permission::Token(Role::Admin), |operation| operation.permission);
     let peer = request.extensions().get::<PeerAddress>().map(|PeerAddress(address)| address.ip());
-    let admitted = match access.admit(permission, request.headers(), request.uri(), peer).await {
-        Ok(caller) => access.check_run(permission, &caller, &mut request).await.map(|()| caller),
-        Err(denied) => Err(denied),
-    };
+    let admitted =
+        match access.admit(permission, request.method(), request.headers(), request.uri(), peer).await {
+            Ok(caller) => access.check_run(permission, &caller, &mut request).await.map(|()| caller),
+            Err(denied) => Err(denied),
+        };
     let (token, denial) = match admitted {
         Ok(caller) => {
             let token = caller.identity.token;

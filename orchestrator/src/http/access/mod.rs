@@ -5,6 +5,7 @@
 //! are in `crate::tokens`, limits in `crate::limits`. Start reading at `middleware`.
 
 mod control;
+mod cross_site;
 mod loopback;
 pub(super) mod middleware;
 mod permissions;

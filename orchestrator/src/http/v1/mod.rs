@@ -3,6 +3,7 @@
 //! A handler parses the request, calls one use case or one read model, and maps the result to a type of the `api-types` crate. The
 //! name of a handler is its `operationId`. Rules and SQL are not here. Start reading at `routes`.
 
+mod archive_runs;
 mod audit_log;
 mod columns;
 mod designs;
@@ -89,7 +90,8 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(rollout::roll_out_scenario))
         .routes(routes!(sessions::connect_session))
         .routes(routes!(policy::get_policy, policy::set_policy))
-        .routes(routes!(trajectories::pull::pull_trajectories))
+        .routes(routes!(trajectories::read::read_trajectories))
+        .routes(routes!(trajectories::claim::claim_trajectories))
         .routes(routes!(trajectories::acknowledge::acknowledge_trajectories))
         .routes(routes!(tasks::list_tasks))
         .routes(routes!(strategies::list_strategies))
@@ -99,5 +101,6 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(evaluations::cancel::cancel_evaluation))
         .routes(routes!(evaluations::scenarios::list_evaluation_scenarios))
         .routes(routes!(suites::list_suites))
+        .routes(routes!(archive_runs::archive_runs))
         .routes(routes!(audit_log::list_audit_log))
 }

@@ -14,7 +14,7 @@ use crate::runs::set_members::SetMembers;
 
 /// Replace the members of a run.
 ///
-/// A member is the principal of tokens. It may lease, report results, open sessions and pull trajectories; only the owner and admins
+/// A member is the principal of tokens. It may lease, report results, open sessions and claim trajectories; only the owner and admins
 /// change the run. An admin can also set the owner, for example of a run that was created without authentication.
 #[utoipa::path(
     put, path = "/runs/{run}/members", tag = "runs", request_body = RunMembersRequest,

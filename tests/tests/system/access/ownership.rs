@@ -183,7 +183,8 @@ async fn server_rollouts_belong_to_the_server() {
     assert_denied(other.get("/v1/runs/run/trajectories").await, "not_run_member");
     let acknowledge = json!({"ids": [1]});
     assert_denied(other.post("/v1/runs/run/trajectories/ack", acknowledge.clone()).await, "not_run_member");
-    let groups = member.get("/v1/runs/run/trajectories").await.expect(200);
+    assert_denied(other.post("/v1/runs/run/trajectories/claim", json!({})).await, "not_run_member");
+    let groups = member.post("/v1/runs/run/trajectories/claim", json!({})).await.expect(200);
     assert_eq!(groups["groups"].as_array().unwrap().len(), 2);
     let _ = member.post("/v1/runs/run/trajectories/ack", acknowledge).await.expect(200);
 }

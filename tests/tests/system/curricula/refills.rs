@@ -137,7 +137,10 @@ async fn feed_with_refill_has_no_zero_variance_groups() {
         let mut zero_variance = 0;
         let mut pulled = 0;
         for _ in 0..300 {
-            let page = api.get(&format!("/v1/runs/{run}/trajectories?limit=8&wait_s=2")).await.expect(200);
+            let page = api
+                .post(&format!("/v1/runs/{run}/trajectories/claim"), json!({"limit": 8, "wait_s": 2}))
+                .await
+                .expect(200);
             let groups = page["groups"].as_array().unwrap().clone();
             let ids: Vec<Value> = groups.iter().map(|group| group["id"].clone()).collect();
             for group in &groups {

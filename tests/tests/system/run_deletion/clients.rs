@@ -21,7 +21,7 @@ async fn deletion_ends_event_streams_and_long_polls() {
     let events = read_events(&api, "gone").await;
     let poll = tokio::spawn({
         let api = api.clone();
-        async move { api.get("/v1/runs/gone/trajectories?wait_s=60").await }
+        async move { api.post("/v1/runs/gone/trajectories/claim", json!({"wait_s": 60})).await }
     });
     archive_and_delete(&api, "gone").await;
     let events = events.await.unwrap();

@@ -1,11 +1,12 @@
 //! Deletion of runs: who may delete, what a deleted run answers, and that no row of it stays. This file has the helpers of these
 //! tests.
 
+mod archived;
 mod clients;
 mod kill;
-mod populate;
-mod routes;
-mod rows;
+pub(crate) mod populate;
+pub(crate) mod routes;
+pub(crate) mod rows;
 mod rules;
 
 use serde_json::{Value, json};

@@ -7,13 +7,13 @@ use super::TASK;
 use crate::feed::column_trainer::ColumnClaim;
 
 /// Ids of what a populated run has.
-pub(super) struct PopulatedRun {
-    pub(super) lease: String,
-    pub(super) columns: String,
-    pub(super) episode: String,
-    pub(super) evaluation: String,
-    pub(super) design_request: String,
-    pub(super) layout: String,
+pub(crate) struct PopulatedRun {
+    pub(crate) lease: String,
+    pub(crate) columns: String,
+    pub(crate) episode: String,
+    pub(crate) evaluation: String,
+    pub(crate) design_request: String,
+    pub(crate) layout: String,
 }
 
 /// Requests `path` until the response meets the condition, and returns that response.
@@ -22,7 +22,7 @@ async fn wait_for_response(api: &ApiClient, path: &str, is_met: impl Fn(&Value) 
 }
 
 /// Creates a run and fills it: results, columns, critiques, layouts, an evaluation, rollouts, versions and tags.
-pub(super) async fn create_populated_run(api: &ApiClient, id: &str) -> PopulatedRun {
+pub(crate) async fn create_populated_run(api: &ApiClient, id: &str) -> PopulatedRun {
     let run = format!("/v1/runs/{id}");
     let request = json!({
         "id": id, "name": format!("the run {id}"), "seed": 11, "group_size": 2, "placement": false,

@@ -12,6 +12,7 @@ fn body(operation: &str, ids: &PopulatedRun) -> Value {
     match operation {
         "acknowledge_trajectories" => json!({"ids": [1]}),
         "begin_groups" => json!({"groups": [0]}),
+        "claim_trajectories" => json!({}),
         "claim_columns" => json!({"score": vec![0.5; 8]}),
         "create_lease" => json!({"groups": 1}),
         "report_results" => json!({"results": [{"episode": ids.episode, "failed": "lost"}]}),
@@ -24,7 +25,7 @@ fn body(operation: &str, ids: &PopulatedRun) -> Value {
 }
 
 /// Returns the query that an operation requires.
-fn query(operation: &str) -> &'static str {
+pub(crate) fn query(operation: &str) -> &'static str {
     match operation {
         "delete_run" => "?name=the%20run%20gone",
         "list_failures" => "?task=kessler/survival",
@@ -32,8 +33,8 @@ fn query(operation: &str) -> &'static str {
     }
 }
 
-/// Fills a path pattern with the ids of the deleted run.
-fn path(pattern: &str, ids: &PopulatedRun) -> String {
+/// Fills a path pattern with the ids of the run that is or was populated.
+pub(crate) fn path(pattern: &str, ids: &PopulatedRun) -> String {
     let lease = if pattern.contains("columns") { &ids.columns } else { &ids.lease };
     [
         ("{run}", "gone"),

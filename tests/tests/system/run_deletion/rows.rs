@@ -26,10 +26,10 @@ const SERVER_TABLES: [&str; 7] = [
 const QUEUES: [&str; 2] = ["critique_queue", "rollout_leases"];
 
 /// Rows of each table as text.
-type Dump = BTreeMap<String, BTreeSet<String>>;
+pub(crate) type Dump = BTreeMap<String, BTreeSet<String>>;
 
 /// Reads all rows of all tables with data of runs.
-async fn dump(db: &Path) -> Dump {
+pub(crate) async fn dump(db: &Path) -> Dump {
     let mut conn = SqliteConnectOptions::new().filename(db).read_only(true).connect().await.unwrap();
     let tables = sqlx::query_scalar::<_, String>("SELECT name FROM sqlite_schema WHERE type = 'table'");
     let mut dump = Dump::new();
@@ -48,6 +48,13 @@ async fn dump_table(conn: &mut SqliteConnection, table: &str) -> BTreeSet<String
     let quoted: Vec<String> = columns.iter().map(|column| format!("quote({column})")).collect();
     let rows = AssertSqlSafe(format!("SELECT json_array({}) FROM {table}", quoted.join(", ")));
     sqlx::query_scalar::<_, String>(rows).fetch_all(conn).await.unwrap().into_iter().collect()
+}
+
+/// Marks the runs as a second run with their seed does.
+async fn mark_seed_reused(db: &Path) {
+    let mut conn = SqliteConnectOptions::new().filename(db).connect().await.unwrap();
+    sqlx::query("UPDATE runs SET is_seed_reused = 1").execute(&mut conn).await.unwrap();
+    conn.close().await.unwrap();
 }
 
 /// Inserts rows into tables that a short test does not fill.
@@ -100,6 +107,7 @@ async fn deletion_leaves_the_database_as_before_the_run() {
     // Scenarios of the archived run that are being prepared are lost by the restart, and are not prepared again.
     server.restart().await;
     let api = server.api();
+    mark_seed_reused(&server.db_path()).await;
     let before = dump(&server.db_path()).await;
     // The same seed as the other run: both share scenarios.
     let _ = create_populated_run(&api, "gone").await;

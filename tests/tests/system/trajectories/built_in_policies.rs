@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use system_tests::{ApiClient, Server};
 
 use super::{
-    ack, assert_group_replays, counted_episodes, create_run, ids, number, policy, pull, put_policy,
+    ack, assert_group_replays, claim, counted_episodes, create_run, ids, number, policy, put_policy,
     wait_for_full_feed, wait_for_policy, wait_for_rollouts,
 };
 
@@ -27,7 +27,7 @@ async fn server_rollouts_replay_and_count_for_mastery() {
             .expect(200);
     let (start, mut seen) = (Instant::now(), Vec::new());
     let moved = loop {
-        let groups = pull(&api, "run", "limit=8&wait_s=10").await;
+        let groups = claim(&api, "run", json!({"limit": 8, "wait_s": 10})).await;
         groups.iter().for_each(assert_group_replays);
         for group in &groups {
             assert_eq!(
@@ -62,7 +62,7 @@ async fn server_rollouts_replay_and_count_for_mastery() {
     wait_for_rollouts(&api).await;
     let now = policy(&api, "run").await;
     assert_eq!((&now["policy"], &now["version"], &now["failed"]), (&json!("off"), &json!(3), &json!(0)));
-    seen.extend(ids(&pull(&api, "run", "limit=256").await));
+    seen.extend(ids(&claim(&api, "run", json!({"limit": 256})).await));
     assert!(seen.windows(2).all(|pair| pair[0] < pair[1]), "{seen:?}");
     assert_eq!(seen.len() as i64, number(&now["groups"]));
     assert_eq!(counted_episodes(&api, "run").await, 4 * seen.len() as i64);
@@ -78,7 +78,7 @@ async fn stochastic_episodes_differ_and_have_true_observations() {
     let _ = put_policy(&api, "run", json!({"policy": "random", "max_unacknowledged_groups": 1}))
         .await
         .expect(200);
-    let groups = pull(&api, "run", "wait_s=30").await;
+    let groups = claim(&api, "run", json!({"wait_s": 30})).await;
     let group = &groups[0];
     assert_group_replays(group);
     let episodes = group["episodes"].as_array().unwrap();
@@ -104,7 +104,7 @@ async fn stochastic_episodes_differ_and_have_true_observations() {
     let _ = put_policy(&api, "run", settings).await.expect(200);
     let start = Instant::now();
     loop {
-        let groups = pull(&api, "run", "wait_s=30").await;
+        let groups = claim(&api, "run", json!({"wait_s": 30})).await;
         groups.iter().for_each(assert_group_replays);
         ack(&api, "run", &ids(&groups)).await;
         if groups.iter().any(|group| group["observations"] == "none") {
@@ -137,7 +137,7 @@ async fn full_feed_stops_rollouts_until_groups_are_acknowledged() {
     wait_for_policy(&api, "run", "the feed has 3 groups", is_full_with(3)).await;
     wait_for_worker_pass(&api).await;
     assert_eq!(number(&policy(&api, "run").await["groups"]), 3);
-    let groups = pull(&api, "run", "limit=2").await;
+    let groups = claim(&api, "run", json!({"limit": 2})).await;
     assert_eq!(number(&policy(&api, "run").await["feed"]["delivered"]), 2);
     assert_eq!(
         number(&policy(&api, "run").await["groups"]),
@@ -179,7 +179,7 @@ async fn paused_run_has_no_rollouts_and_versions_only_rise() {
             .await
             .expect(200);
     wait_for_full_feed(&api, "run").await;
-    let groups = pull(&api, "run", "").await;
+    let groups = claim(&api, "run", json!({})).await;
     let versions: Vec<(&str, i64)> =
         groups.iter().map(|g| (g["policy"].as_str().unwrap(), number(&g["policy_version"]))).collect();
     assert_eq!(versions, [("hold", 4), ("hold", 4), ("frozen", 9), ("frozen", 9)]);

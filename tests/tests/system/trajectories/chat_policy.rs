@@ -13,7 +13,7 @@ use system_tests::mock_llm::{
 use wiremock::ResponseTemplate;
 
 use super::{
-    assert_group_replays, counted_episodes, create_run, group_scenario, number, policy, pull, put_policy,
+    assert_group_replays, claim, counted_episodes, create_run, group_scenario, number, policy, put_policy,
     wait_for_policy,
 };
 
@@ -57,7 +57,7 @@ async fn conversations_are_stored_with_their_tokens() {
     create_run(&api, "run", json!({"group_size": 2, "judge": "deterministic"})).await;
     let settings = json!({"policy": "chat", "version": 7, "max_unacknowledged_groups": 1, "history": 1, "max_tokens": 99});
     assert_eq!(put_policy(&api, "run", settings).await.expect(200)["model"], "mock");
-    let groups = pull(&api, "run", "wait_s=50").await;
+    let groups = claim(&api, "run", json!({"wait_s": 50})).await;
     let group = &groups[0];
     assert_group_replays(group);
     assert_eq!(
@@ -127,7 +127,7 @@ async fn token_details_are_off_by_default() {
     )
     .await
     .expect(200);
-    let groups = pull(&api, "run", "wait_s=50").await;
+    let groups = claim(&api, "run", json!({"wait_s": 50})).await;
     assert!(!groups[0].to_string().contains("logprobs"));
     for request in received_bodies(&mock).await {
         assert!(request.get("logprobs").is_none() && request.get("return_token_ids").is_none());
@@ -168,7 +168,7 @@ async fn faults_of_the_model_count() {
         let _ = put_policy(&api, "run", json!({"policy": "chat", "max_unacknowledged_groups": 1}))
             .await
             .expect(200);
-        let groups = pull(&api, "run", "wait_s=50").await;
+        let groups = claim(&api, "run", json!({"wait_s": 50})).await;
         assert_group_replays(&groups[0]);
         let episode = &groups[0]["episodes"][0];
         assert_eq!(episode["stopped"], stopped);
@@ -207,7 +207,7 @@ async fn timeout_of_one_request_counts_as_the_models_fault() {
     create_run(&api, "run", json!({"group_size": 2})).await;
     let _ =
         put_policy(&api, "run", json!({"policy": "chat", "max_unacknowledged_groups": 1})).await.expect(200);
-    let groups = pull(&api, "run", "wait_s=50").await;
+    let groups = claim(&api, "run", json!({"wait_s": 50})).await;
     assert_group_replays(&groups[0]);
     let episodes = groups[0]["episodes"].as_array().unwrap();
     let mut outcomes: Vec<(&str, usize)> = episodes
@@ -235,7 +235,7 @@ async fn stored_messages_equal_the_sent_ones() {
     create_run(&api, "run", json!({"group_size": 1})).await;
     let _ =
         put_policy(&api, "run", json!({"policy": "chat", "max_unacknowledged_groups": 1})).await.expect(200);
-    let groups = pull(&api, "run", "wait_s=50").await;
+    let groups = claim(&api, "run", json!({"wait_s": 50})).await;
     let requests = received_bodies(&mock).await;
     let messages = &groups[0]["episodes"][0]["steps"][0]["completions"][0]["messages"];
     assert_eq!(*messages, requests[2]["messages"]);

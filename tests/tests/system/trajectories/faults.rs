@@ -17,8 +17,8 @@ use wiremock::ResponseTemplate;
 
 use super::chat_policy::{model_config, start_server};
 use super::{
-    assert_group_replays, counted_episodes, create_run, number, policy, pull, put_policy, wait_for_full_feed,
-    wait_for_policy,
+    assert_group_replays, claim, counted_episodes, create_run, number, policy, put_policy,
+    wait_for_full_feed, wait_for_policy,
 };
 
 /// Checks that a text does not have the API key.
@@ -74,7 +74,7 @@ async fn endpoint_faults_are_reported_and_do_not_count() {
         let why = state["last_error"]["message"].as_str().unwrap();
         assert!(why.contains(reason), "{name}: {why}");
         assert_eq!((number(&state["groups"]), number(&state["feed"]["waiting"])), (0, 0), "{name}");
-        assert!(pull(&api, "run", "").await.is_empty());
+        assert!(claim(&api, "run", json!({})).await.is_empty());
         assert_eq!(counted_episodes(&api, "run").await, 0, "{name}: never a low score");
         let mastery = api.get("/v1/runs/run/mastery").await.expect(200);
         assert!(mastery["tasks"][0]["results"]["failed"].as_u64().unwrap() >= 4, "{mastery}");
@@ -146,7 +146,7 @@ async fn rollout_that_outlasts_its_lease_does_not_count() {
     assert_eq!(state["last_error"]["message"], "a lease ended before its group was rolled out");
     assert_eq!((number(&state["groups"]), number(&state["failed"])), (0, 0));
     model.release(50);
-    let groups = pull(&api, "run", "wait_s=50").await;
+    let groups = claim(&api, "run", json!({"wait_s": 50})).await;
     assert_group_replays(&groups[0]);
     let leases = api.get("/v1/runs/run/leases").await.expect(200);
     let lease = |at: usize| leases["leases"][at]["lease"].as_str().unwrap();
@@ -174,7 +174,7 @@ async fn partly_failed_group_counts() {
     create_run(&api, "run", json!({"group_size": 3})).await;
     let _ =
         put_policy(&api, "run", json!({"policy": "chat", "max_unacknowledged_groups": 1})).await.expect(200);
-    let groups = pull(&api, "run", "wait_s=50").await;
+    let groups = claim(&api, "run", json!({"wait_s": 50})).await;
     assert_group_replays(&groups[0]);
     assert_eq!((&groups[0]["failed"], groups[0]["episodes"].as_array().unwrap().len()), (&json!(1), 2));
     let now = policy(&api, "run").await;
@@ -193,7 +193,7 @@ async fn trajectories_do_not_expose_the_key() {
     create_run(&api, "run", json!({"group_size": 1})).await;
     let _ =
         put_policy(&api, "run", json!({"policy": "chat", "max_unacknowledged_groups": 1})).await.expect(200);
-    let groups = pull(&api, "run", "wait_s=50").await;
+    let groups = claim(&api, "run", json!({"wait_s": 50})).await;
     let text = groups[0].to_string();
     assert_has_no_key(&text);
     assert!(text.contains("[key]") && !text.contains("\"tokens\""), "{text}");

@@ -7,7 +7,9 @@ use clock::{Clock, ManualClock};
 use serde_json::{Value, json};
 use system_tests::Server;
 
-use super::{ack, create_run, ids, number, policy, pull, put_policy, wait_for_full_feed, wait_for_policy};
+use super::{
+    ack, claim, create_run, ids, number, policy, put_policy, read, wait_for_full_feed, wait_for_policy,
+};
 
 /// Start of the manual clock: an arbitrary time, in milliseconds.
 const START_MS: i64 = 1_790_000_000_000;
@@ -26,17 +28,17 @@ async fn unacknowledged_groups_are_delivered_again() {
     wait_for_full_feed(&api, "run").await;
     let _ =
         put_policy(&api, "run", json!({"policy": "off", "max_unacknowledged_groups": 4})).await.expect(200);
-    let first = pull(&api, "run", "limit=3&ttl_s=60").await;
+    let first = claim(&api, "run", json!({"limit": 3, "ttl_s": 60})).await;
     assert_eq!(first.len(), 3);
     assert!(first.iter().all(|group| group["deliveries"] == 1));
-    let second = pull(&api, "run", "limit=3&ttl_s=120").await;
+    let second = claim(&api, "run", json!({"limit": 3, "ttl_s": 120})).await;
     assert_eq!(second.len(), 1, "a delivered group is not delivered to others");
     let [a, b, c] = <[i64; 3]>::try_from(ids(&first)).unwrap();
     assert!(a < b && b < c && c < ids(&second)[0]);
-    assert!(pull(&api, "run", "").await.is_empty());
+    assert!(claim(&api, "run", json!({})).await.is_empty());
     assert_eq!(ack(&api, "run", &[a]).await, json!({"acknowledged": [a], "unknown": []}));
     clock_ms.fetch_add(61_000, Ordering::SeqCst);
-    let redelivered = pull(&api, "run", "ttl_s=60").await;
+    let redelivered = claim(&api, "run", json!({"ttl_s": 60})).await;
     assert_eq!(ids(&redelivered), [b, c]);
     assert!(redelivered.iter().all(|group| group["deliveries"] == 2));
     let same = |one: &Value| {
@@ -52,13 +54,13 @@ async fn unacknowledged_groups_are_delivered_again() {
     assert_eq!(ack(&api, "run", &[a, b, 999]).await, json!({"acknowledged": [a, b], "unknown": [999]}));
     assert_eq!(ack(&api, "other", &[c]).await, json!({"acknowledged": [], "unknown": [c]}));
     clock_ms.fetch_add(200_000, Ordering::SeqCst);
-    assert_eq!(ids(&pull(&api, "run", "").await), [c, ids(&second)[0]]);
+    assert_eq!(ids(&claim(&api, "run", json!({})).await), [c, ids(&second)[0]]);
     // A group can also be acknowledged after its delivery timed out.
     clock_ms.fetch_add(1_000_000, Ordering::SeqCst);
     ack(&api, "run", &[c]).await;
-    assert_eq!(ids(&pull(&api, "run", "").await), ids(&second));
+    assert_eq!(ids(&claim(&api, "run", json!({})).await), ids(&second));
     // Reads with a cursor return every group and do not count as deliveries.
-    let all = pull(&api, "run", "after=0").await;
+    let all = read(&api, "run", "after=0").await;
     assert_eq!(ids(&all), [a, b, c, ids(&second)[0]]);
     assert_eq!(all.iter().map(|group| number(&group["deliveries"])).collect::<Vec<_>>(), [1, 2, 3, 3]);
     let page = api.get(&format!("/v1/runs/run/trajectories?after={a}&limit=2")).await.expect(200);
@@ -82,12 +84,12 @@ async fn newest_acknowledged_groups_are_kept() {
     .expect(200);
     wait_for_full_feed(&api, "run").await;
     let _ = put_policy(&api, "run", json!({"policy": "off"})).await.expect(200);
-    let mut all = ids(&pull(&api, "run", "limit=256").await);
-    all.extend(ids(&pull(&api, "run", "limit=256").await));
+    let mut all = ids(&claim(&api, "run", json!({"limit": 256})).await);
+    all.extend(ids(&claim(&api, "run", json!({"limit": 256})).await));
     assert_eq!(all.len(), 300);
     ack(&api, "run", &all).await;
     assert_eq!(number(&policy(&api, "run").await["feed"]["acknowledged"]), 256);
-    assert_eq!(ids(&pull(&api, "run", "after=0&limit=256").await), all[44..]);
+    assert_eq!(ids(&read(&api, "run", "after=0&limit=256").await), all[44..]);
     assert_eq!(
         ack(&api, "run", &all[43..45]).await,
         json!({"acknowledged": [all[44]], "unknown": [all[43]]})
@@ -101,7 +103,7 @@ async fn long_polls_wake_for_pushes_and_redeliveries() {
     create_run(&api, "run", json!({})).await;
     let waiting = tokio::spawn({
         let api = api.clone();
-        async move { (pull(&api, "run", "wait_s=50&ttl_s=2").await, Instant::now()) }
+        async move { (claim(&api, "run", json!({"wait_s": 50, "ttl_s": 2})).await, Instant::now()) }
     });
     // The spawned task sends its request before this one: both run on one thread. The rollout takes longer still.
     tokio::task::yield_now().await;
@@ -114,18 +116,18 @@ async fn long_polls_wake_for_pushes_and_redeliveries() {
     assert!(woken.saturating_duration_since(pushed) < WAKE_LIMIT);
     // No further group is pushed, but the delivery of this one times out after 2 s.
     let start = Instant::now();
-    let redelivered = pull(&api, "run", "wait_s=50").await;
+    let redelivered = claim(&api, "run", json!({"wait_s": 50})).await;
     assert_eq!((ids(&redelivered), &redelivered[0]["deliveries"]), (ids(&groups), &json!(2)));
     assert!(start.elapsed() < WAKE_LIMIT, "{:?}", start.elapsed());
     // Without a group, the poll returns after `wait_s`.
     let start = Instant::now();
-    assert!(pull(&api, "run", "wait_s=1").await.is_empty());
+    assert!(claim(&api, "run", json!({"wait_s": 1})).await.is_empty());
     assert!((Duration::from_millis(900)..WAKE_LIMIT).contains(&start.elapsed()));
     // A poll with a cursor is woken, too.
     let after = ids(&groups)[0];
     let following = tokio::spawn({
         let api = api.clone();
-        async move { pull(&api, "run", &format!("after={after}&wait_s=50")).await }
+        async move { read(&api, "run", &format!("after={after}&wait_s=50")).await }
     });
     ack(&api, "run", &ids(&groups)).await;
     assert!(number(&following.await.unwrap()[0]["id"]) > after);
@@ -141,7 +143,8 @@ async fn number_of_long_polls_is_bounded() {
     let mut waiting = tokio::task::JoinSet::new();
     for _ in 0..65 {
         let api = api.clone();
-        waiting.spawn(async move { api.get("/v1/runs/run/trajectories?wait_s=60").await });
+        waiting
+            .spawn(async move { api.post("/v1/runs/run/trajectories/claim", json!({"wait_s": 60})).await });
     }
     // Only the rejected request returns at once.
     let rejected = waiting.join_next().await.unwrap().unwrap();

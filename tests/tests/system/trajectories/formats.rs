@@ -1,9 +1,9 @@
 //! Bodies of policies and groups, their formats, and invalid requests.
 
 use serde_json::{Value, json};
-use system_tests::{Server, http_client, wait_for};
+use system_tests::{ApiClient, Server, http_client, wait_for};
 
-use super::{create_run, pull, put_policy, wait_for_full_feed};
+use super::{claim, create_run, put_policy, wait_for_full_feed};
 
 /// Requests a URL with this `Accept` header; returns status, content type and body.
 async fn request_with_accept(url: &str, accept: &str) -> (u16, String, Vec<u8>) {
@@ -71,7 +71,7 @@ async fn bodies_match_snapshots() {
     let set = put_policy(&api, "run", request).await.expect(200);
     insta::assert_json_snapshot!("policy", set, {".changed_at" => "[time]", ".groups" => "[n]", ".episodes" => "[n]",
         ".feed" => "[feed]"});
-    let mut groups = pull(&api, "run", "wait_s=30").await;
+    let mut groups = claim(&api, "run", json!({"wait_s": 30})).await;
     let group = &mut groups[0];
     for episode in group["episodes"].as_array_mut().unwrap() {
         let steps = episode["steps"].as_array_mut().unwrap();
@@ -118,27 +118,23 @@ async fn invalid_requests_are_rejected_with_a_reason() {
         assert_eq!(response.content_type, "application/problem+json");
         problems.push(json!({"put": request, "problem": response.body}));
     }
-    for query in [
-        "limit=0",
-        "limit=257",
-        "wait_s=61",
-        "ttl_s=0",
-        "ttl_s=86401",
-        "after=-1",
-        "after=1&ttl_s=5",
-        "cursor=3",
-    ] {
-        let response = api.get(&format!("/v1/runs/run/trajectories?{query}")).await;
-        problems.push(json!({"query": query, "problem": response.body}));
-    }
+    problems.extend(feed_problems(&api).await);
     for request in [json!({}), json!({"ids": [-1]}), json!({"ids": vec![1; 10_001]}), json!({"ids": "all"})] {
         let response = api.post("/v1/runs/run/trajectories/ack", request).await;
         problems.push(json!({"ack": "…", "problem": response.body}));
     }
-    for (method, path) in
-        [("GET", "policy"), ("PUT", "policy"), ("GET", "trajectories"), ("POST", "trajectories/ack")]
-    {
-        let body = if path == "policy" { json!({"policy": "chat"}) } else { json!({"ids": []}) };
+    for (method, path) in [
+        ("GET", "policy"),
+        ("PUT", "policy"),
+        ("GET", "trajectories"),
+        ("POST", "trajectories/claim"),
+        ("POST", "trajectories/ack"),
+    ] {
+        let body = match path {
+            "policy" => json!({"policy": "chat"}),
+            "trajectories/ack" => json!({"ids": []}),
+            _ => json!({}),
+        };
         let response = api
             .request(method, &format!("/v1/runs/unknown/{path}"), "application/json", body.to_string())
             .await;
@@ -149,4 +145,26 @@ async fn invalid_requests_are_rejected_with_a_reason() {
     }
     insta::assert_json_snapshot!("problems", problems);
     assert_eq!(super::policy(&api, "run").await["policy"], "off", "no invalid policy was stored");
+}
+
+/// Problems of requests that read or claim groups, with their requests.
+async fn feed_problems(api: &ApiClient) -> Vec<Value> {
+    let mut problems = Vec::new();
+    for query in ["limit=0", "limit=257", "wait_s=61", "after=-1", "ttl_s=5", "cursor=3"] {
+        let response = api.get(&format!("/v1/runs/run/trajectories?{query}")).await;
+        problems.push(json!({"query": query, "problem": response.body}));
+    }
+    for request in [
+        json!({"limit": 0}),
+        json!({"limit": 257}),
+        json!({"wait_s": 61}),
+        json!({"ttl_s": 0}),
+        json!({"ttl_s": 86_401}),
+        json!({"after": 1}),
+        json!([]),
+    ] {
+        let response = api.post("/v1/runs/run/trajectories/claim", request.clone()).await;
+        problems.push(json!({"claim": request, "problem": response.body}));
+    }
+    problems
 }

@@ -34,8 +34,14 @@ pub(crate) async fn policy(api: &ApiClient, id: &str) -> Value {
     api.get(&format!("/v1/runs/{id}/policy")).await.expect(200)
 }
 
-/// Pulls groups from the feed of a run.
-pub(crate) async fn pull(api: &ApiClient, id: &str, query: &str) -> Vec<Value> {
+/// Claims groups from the feed of a run.
+pub(crate) async fn claim(api: &ApiClient, id: &str, request: Value) -> Vec<Value> {
+    let page = api.post(&format!("/v1/runs/{id}/trajectories/claim"), request).await.expect(200);
+    page["groups"].as_array().unwrap().clone()
+}
+
+/// Reads groups from the feed of a run without a claim.
+pub(crate) async fn read(api: &ApiClient, id: &str, query: &str) -> Vec<Value> {
     let page = api.get(&format!("/v1/runs/{id}/trajectories?{query}")).await.expect(200);
     page["groups"].as_array().unwrap().clone()
 }

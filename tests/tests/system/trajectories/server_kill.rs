@@ -7,8 +7,8 @@ use system_tests::{Server, ServerProcess, wait_until};
 
 use super::chat_policy::model_config;
 use super::{
-    ack, all_leases, assert_group_replays, counted_episodes, create_run, ids, number, policy, pull,
-    put_policy, wait_for_full_feed, wait_for_rollouts,
+    ack, all_leases, assert_group_replays, claim, counted_episodes, create_run, ids, number, policy,
+    put_policy, read, wait_for_full_feed, wait_for_rollouts,
 };
 
 #[tokio::test]
@@ -23,19 +23,19 @@ async fn kills_lose_no_pushed_group_and_count_none_twice() {
     let (mut acknowledged, mut delivered) = (BTreeSet::new(), BTreeSet::new());
     for round in 0..6u64 {
         let api = process.api();
-        let groups = pull(&api, "run", "limit=4&wait_s=30&ttl_s=1").await;
+        let groups = claim(&api, "run", json!({"limit": 4, "wait_s": 30, "ttl_s": 1})).await;
         groups.iter().for_each(assert_group_replays);
         delivered.extend(ids(&groups));
         let half: Vec<i64> = ids(&groups).into_iter().step_by(2).collect();
         let acked = ack(&api, "run", &half).await;
         assert_eq!(acked["unknown"], json!([]));
         acknowledged.extend(half);
-        let before = pull(&api, "run", "after=0&limit=256").await;
+        let before = read(&api, "run", "after=0&limit=256").await;
         // Tests the passing of time: the kill comes at another moment of the rollouts in each round.
         tokio::time::sleep(std::time::Duration::from_millis(7 * round)).await;
         process.kill();
         process = ServerProcess::start(&db);
-        let after = pull(&process.api(), "run", "after=0&limit=256").await;
+        let after = read(&process.api(), "run", "after=0&limit=256").await;
         for group in &before {
             let same =
                 after.iter().find(|other| other["id"] == group["id"]).expect("a pushed group is stored");
@@ -57,7 +57,7 @@ async fn kills_lose_no_pushed_group_and_count_none_twice() {
     // A delivery without an acknowledgement times out after 1 s: its group is delivered again.
     let mut remaining = BTreeSet::new();
     wait_until("every group without an acknowledgement is delivered", async || {
-        remaining.extend(ids(&pull(&api, "run", "limit=64").await));
+        remaining.extend(ids(&claim(&api, "run", json!({"limit": 64})).await));
         let feed = policy(&api, "run").await["feed"].clone();
         remaining.len() as i64 == number(&feed["waiting"]) + number(&feed["delivered"])
     })

@@ -2,13 +2,15 @@
 //! client costs no more memory than the stored groups.
 
 use axum::body::{Body, Bytes};
-use axum::http::header;
+use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse, Response};
 use futures_util::StreamExt;
 use futures_util::stream;
-use store::trajectories::FeedGroup;
+use store::trajectories::{self, FeedGroup};
 
-use crate::http::content_negotiation::{LINES, MESSAGE_PACK, ResponseFormat, json_to_messagepack};
+use crate::http::content_negotiation::{LINES, MESSAGE_PACK, ResponseFormat, json_to_messagepack, negotiate};
+use crate::http::problem::Problem;
+use crate::http::state::AppState;
 use crate::rollouts::packed_group::unpack;
 
 /// Group of a feed, compressed as it is stored.
@@ -65,12 +67,32 @@ fn envelope(format: ResponseFormat, count: usize, next: Option<i64>) -> (Vec<u8>
     }
 }
 
-/// Builds the response with these groups.
-pub(super) fn feed_response(
-    format: ResponseFormat,
+/// Reads the bodies of groups. A group without a body was acknowledged and deleted meanwhile.
+pub(super) async fn read_groups(
+    app: &AppState,
+    heads: Vec<FeedGroup>,
+) -> Result<Vec<PackedFeedGroup>, Problem> {
+    let mut groups = Vec::with_capacity(heads.len());
+    let mut conn = app.readers.acquire().await?;
+    for head in heads {
+        if let Some(body) = trajectories::body(&mut conn, head.id).await? {
+            groups.push(PackedFeedGroup { head, body });
+        }
+    }
+    Ok(groups)
+}
+
+/// Builds the response with these groups, in the format that the request accepts.
+pub(super) fn groups_response(
+    headers: &HeaderMap,
     groups: Vec<PackedFeedGroup>,
     next: Option<i64>,
 ) -> Response {
+    let formats = [ResponseFormat::Json, ResponseFormat::Lines, ResponseFormat::MessagePack];
+    feed_response(negotiate(headers, &formats), groups, next)
+}
+
+fn feed_response(format: ResponseFormat, groups: Vec<PackedFeedGroup>, next: Option<i64>) -> Response {
     let kind = match format {
         ResponseFormat::Json => "application/json",
         ResponseFormat::Lines => LINES,

@@ -1,0 +1,44 @@
+//! Archiving of several runs.
+
+use api_types::{ArchiveRequest, ArchivedRuns};
+use axum::extract::State;
+
+use super::runs::run_from_row;
+use crate::http::extract::{Json, NoQuery};
+use crate::http::path_ids::parse_run_id;
+use crate::http::problem::Problem;
+use crate::http::state::AppState;
+use crate::runs::run_status::ArchiveRuns;
+
+/// Largest number of runs in a request.
+const MAX_RUNS: usize = 1000;
+
+/// Archive several runs: all of them or none.
+///
+/// The runs are paused, and lists leave them out without `archived=true`. Runs that are archived already stay so.
+#[utoipa::path(
+    post, path = "/archive", tag = "runs", request_body = ArchiveRequest,
+    responses(
+        (status = 200, body = ArchivedRuns), (status = 400, body = Problem), (status = 408, body = Problem),
+        (status = 413, body = Problem), (status = 415, body = Problem),
+        (status = 422, body = Problem, description = "A run does not exist, or the list is empty or too long."),
+        (status = 429, body = Problem), (status = 503, body = Problem)
+    )
+)]
+pub(super) async fn archive_runs(
+    _: NoQuery,
+    State(app): State<AppState>,
+    Json(request): Json<ArchiveRequest>,
+) -> Result<axum::Json<ArchivedRuns>, Problem> {
+    let count = request.runs.len();
+    if !(1..=MAX_RUNS).contains(&count) {
+        let reason = format!("must have 1 to {MAX_RUNS} ids of runs, got {count}");
+        return Err(Problem::invalid("runs", reason));
+    }
+    let runs = request.runs.iter().enumerate().map(|(at, run)| {
+        parse_run_id(run).map_err(|_| Problem::invalid(format!("runs.{at}"), "is not the id of a run"))
+    });
+    let rows = app.writer.change(ArchiveRuns { runs: runs.collect::<Result<_, _>>()? }).await?;
+    let runs = rows.into_iter().map(run_from_row).collect::<Result<_, _>>()?;
+    Ok(axum::Json(ArchivedRuns { runs }))
+}
