@@ -15,6 +15,7 @@ mod growth;
 mod levels;
 mod load;
 mod results;
+mod scale;
 mod soak;
 mod sockets;
 mod steal_time;
@@ -32,9 +33,11 @@ struct Args {
     ///
     /// `soak` loads the server and watches its memory. `growth` reports ten million episodes and watches the database.
     /// `crash` kills servers under trainers and compares acknowledgements with the database. `load` runs 64 trainers.
+    /// `runs` fills a database with runs, `slow-clients` opens connections of one byte a second beside trainers, and
+    /// `large-database` measures start, lists, backup and vacuum with a database of ten GiB.
     /// `levels` prints the success of policies at every level. `learner` trains the demo's learner with and without the
     /// designer, for twenty minutes.
-    #[arg(value_parser = ["engine", "bracket", "critique", "curriculum", "steps", "results", "columns", "sockets", "stepping", "growth", "crash", "load", "soak", "designer", "learner", "levels"])]
+    #[arg(value_parser = ["engine", "bracket", "critique", "curriculum", "steps", "results", "columns", "sockets", "stepping", "growth", "crash", "load", "soak", "runs", "slow-clients", "large-database", "designer", "learner", "levels"])]
     benchmarks: Vec<String>,
     /// Duration of `soak`, `crash` and `load`, in minutes
     #[arg(long, default_value_t = 10)]
@@ -45,6 +48,15 @@ struct Args {
     /// Episodes of each scenario of `growth`
     #[arg(long, default_value_t = 1)]
     group_size: u32,
+    /// Number of runs of `runs`
+    #[arg(long, default_value_t = 10_000)]
+    runs: u32,
+    /// Number of connections of `slow-clients`
+    #[arg(long, default_value_t = 2000)]
+    connections: usize,
+    /// Size of the database of `large-database`, in GiB
+    #[arg(long, default_value_t = 10)]
+    gib: u32,
     #[command(flatten)]
     peer: sockets::Peer,
     /// Replays the layouts of a file and prints how many differ from their claims; `designer` starts this process
@@ -94,7 +106,10 @@ fn main() -> anyhow::Result<()> {
         ("designer", &designer::measure),
     ];
     // These take minutes and run only if they are named.
-    let long: [(&str, Measure<'_>); 6] = [
+    let long: [(&str, Measure<'_>); 9] = [
+        ("runs", &|| scale::many_runs::measure(args.runs)),
+        ("slow-clients", &|| scale::slow_clients::measure(args.connections)),
+        ("large-database", &|| scale::large_database::measure(args.gib)),
         ("load", &|| load::measure(args.minutes)),
         ("crash", &|| crash::measure(args.minutes)),
         ("growth", &|| growth::measure(args.episodes, args.group_size)),

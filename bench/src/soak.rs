@@ -93,16 +93,17 @@ async fn step_sessions(api: ApiClient) -> anyhow::Result<Infallible> {
     unreachable!("there is always another seed")
 }
 
-/// Pulls and acknowledges groups of server rollouts.
+/// Claims and acknowledges groups of server rollouts.
 async fn consume_trajectories(api: ApiClient) -> anyhow::Result<Infallible> {
     let run = "/v1/runs/flown";
     let settings = json!({"policy": "random", "version": 1}).to_string();
     let policy = api.request("PUT", &format!("{run}/policy"), "application/json", settings).await;
     anyhow::ensure!(policy.status == 200, "no policy: {}", policy.body);
     loop {
-        let pulled = api.get(&format!("{run}/trajectories?limit=4&wait_s=10")).await;
-        anyhow::ensure!(pulled.status == 200, "nothing pulled: {}", pulled.body);
-        let groups = pulled.body["groups"].as_array().cloned().unwrap_or_default();
+        let claim = json!({"limit": 4, "wait_s": 10});
+        let claimed = api.post(&format!("{run}/trajectories/claim"), claim).await;
+        anyhow::ensure!(claimed.status == 200, "nothing claimed: {}", claimed.body);
+        let groups = claimed.body["groups"].as_array().cloned().unwrap_or_default();
         let ids: Vec<_> = groups.iter().map(|group| &group["id"]).collect();
         let acked = api.post(&format!("{run}/trajectories/ack"), json!({"ids": ids})).await;
         anyhow::ensure!(ids.is_empty() || acked.status == 200, "not acknowledged: {}", acked.body);

@@ -1,0 +1,130 @@
+//! Clients that send one byte a second on two thousand connections, while trainers work.
+
+use std::io::Write;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use serde_json::json;
+use system_tests::{ApiClient, ServerProcess};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
+use tokio::task::JoinSet;
+
+use crate::sockets::process;
+use crate::{Row, results};
+
+/// Number of trainers.
+const TRAINERS: usize = 4;
+/// Duration of each of the four phases: without, with, with and without slow clients.
+const PHASE: Duration = Duration::from_secs(30);
+/// Goal: the 99th percentile with slow clients is at most this multiple of that without.
+const GOAL: f64 = 1.25;
+
+pub(crate) fn measure(connections: usize) -> anyhow::Result<Vec<Row>> {
+    tokio::runtime::Runtime::new()?.block_on(run(connections))
+}
+
+async fn run(connections: usize) -> anyhow::Result<Vec<Row>> {
+    let folder = tempfile::tempdir()?;
+    let server = ServerProcess::start(&folder.path().join("bench.sqlite3"));
+    let settings = json!({"id": "bench", "seed": 1, "group_size": 8, "placement": false,
+                          "tasks": ["kessler/survival"], "design": {"designer": "off"}});
+    let created = server.api().post("/v1/runs", settings).await;
+    anyhow::ensure!(created.status == 201, "no run: {}", created.body);
+    let (mut without, mut with, mut closed) = (Vec::new(), Vec::new(), 0);
+    let mut memory = [0.0; 2];
+    for is_slow in [false, true, true, false] {
+        let closed_by_server = Arc::new(AtomicU64::new(0));
+        let mut slow = JoinSet::new();
+        for _ in 0..if is_slow { connections } else { 0 } {
+            slow.spawn(send_slowly(server.address().to_owned(), Arc::clone(&closed_by_server)));
+        }
+        tokio::time::sleep(Duration::from_secs(2)).await; // all connections are open
+        let times = train(&server.api()).await?;
+        memory[usize::from(is_slow)] = process::resident_bytes(server.pid())? as f64 / f64::from(1 << 20);
+        if is_slow {
+            with.extend(times);
+        } else {
+            without.extend(times);
+        }
+        closed += closed_by_server.load(Ordering::Relaxed);
+        slow.shutdown().await;
+        writeln!(
+            std::io::stderr(),
+            "slow clients: {is_slow}; {} requests so far",
+            with.len() + without.len()
+        )?;
+    }
+    let (p99_without, p99_with) = (p99(&mut without), p99(&mut with));
+    Ok(vec![
+        Row {
+            label: format!("p99 of results beside {connections} connections of one byte/s"),
+            measured: format!("{p99_with:.1} ms, {p99_without:.1} without"),
+            goal: format!("≤ {GOAL} × without"),
+            ratio: Some(GOAL * p99_without / p99_with),
+        },
+        Row {
+            label: format!("memory of the server; the server closed {closed} of the connections"),
+            measured: format!("{:.0} MiB, {:.0} without", memory[1], memory[0]),
+            goal: String::new(),
+            ratio: None,
+        },
+    ])
+}
+
+/// Sends the head of a request byte by byte, on a new connection whenever the server closes the last one.
+async fn send_slowly(address: String, closed: Arc<AtomicU64>) {
+    loop {
+        let Ok(mut stream) = TcpStream::connect(&address).await else {
+            tokio::time::sleep(Duration::from_secs(1)).await;
+            continue;
+        };
+        if stream.write_all(b"GET /livez HTTP/1.1\r\nHost: localhost\r\nX-Slow: ").await.is_err() {
+            continue;
+        }
+        let mut buffer = [0; 256];
+        loop {
+            tokio::select! {
+                read = stream.read(&mut buffer) => {
+                    if read.is_ok_and(|bytes| bytes > 0) { continue }
+                    closed.fetch_add(1, Ordering::Relaxed);
+                    break;
+                }
+                () = tokio::time::sleep(Duration::from_secs(1)) => {
+                    if stream.write_all(b"a").await.is_err() { break }
+                }
+            }
+        }
+    }
+}
+
+/// Lets trainers lease and report for a phase; returns the durations of the reports, milliseconds.
+async fn train(api: &ApiClient) -> anyhow::Result<Vec<f64>> {
+    let until = Instant::now() + PHASE;
+    let mut trainers: JoinSet<anyhow::Result<Vec<f64>>> = JoinSet::new();
+    for _ in 0..TRAINERS {
+        let api = api.clone();
+        trainers.spawn(async move {
+            let mut times = Vec::new();
+            while Instant::now() < until {
+                for body in results::lease_and_build_batches(&api, "bench").await? {
+                    let start = Instant::now();
+                    results::send_batch(&api, "bench", body).await?;
+                    times.push(start.elapsed().as_secs_f64() * 1e3);
+                }
+            }
+            Ok(times)
+        });
+    }
+    let mut times = Vec::new();
+    while let Some(trained) = trainers.join_next().await {
+        times.extend(trained??);
+    }
+    Ok(times)
+}
+
+fn p99(times: &mut [f64]) -> f64 {
+    times.sort_by(f64::total_cmp);
+    times.get(times.len() * 99 / 100).copied().unwrap_or(f64::NAN)
+}
