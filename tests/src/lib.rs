@@ -8,6 +8,7 @@ mod incomplete_post;
 pub mod mock_llm;
 mod polling;
 mod process;
+mod raw_socket;
 mod websocket;
 
 use std::path::PathBuf;
@@ -23,6 +24,7 @@ pub use self::incomplete_post::IncompletePost;
 use self::polling::Polling;
 pub use self::polling::{try_wait_for, wait_for, wait_until};
 pub use self::process::{ServerProcess, native_module, sparring_binary};
+pub use self::raw_socket::{raw_frame, upgrade_raw};
 pub use self::websocket::{Received, TestSocket};
 
 /// Server in this process with its own temporary database.

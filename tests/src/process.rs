@@ -116,6 +116,34 @@ impl ServerProcess {
         self.child.id()
     }
 
+    /// Memory that the server holds, in MiB.
+    ///
+    /// # Panics
+    /// Panics if the process has exited.
+    #[cfg(target_os = "linux")]
+    #[must_use]
+    pub fn resident_mib(&self) -> u64 {
+        self.memory_mib("VmRSS:")
+    }
+
+    /// Largest memory that the server has held so far, in MiB.
+    ///
+    /// # Panics
+    /// Panics if the process has exited.
+    #[cfg(target_os = "linux")]
+    #[must_use]
+    pub fn peak_resident_mib(&self) -> u64 {
+        self.memory_mib("VmHWM:")
+    }
+
+    #[cfg(target_os = "linux")]
+    fn memory_mib(&self, field: &str) -> u64 {
+        let status =
+            std::fs::read_to_string(format!("/proc/{}/status", self.pid())).expect("the server runs");
+        let value = status.lines().find_map(|line| line.strip_prefix(field)).expect("Linux reports memory");
+        value.trim().trim_end_matches(" kB").parse::<u64>().expect("a number") / 1024
+    }
+
     /// Address and port of the server, in the form that `start_at` takes.
     #[must_use]
     pub fn address(&self) -> &str {

@@ -22,6 +22,7 @@ mod feed;
 mod fuzz;
 mod lease_purposes;
 mod leases;
+mod network;
 mod openapi_conformance;
 mod openenv;
 mod openenv_clients;
