@@ -24,6 +24,7 @@ mod paging;
 mod path_ids;
 mod problem;
 mod readiness;
+mod request_head;
 mod run_reader;
 mod socket;
 pub mod state;
@@ -37,6 +38,7 @@ use axum::http::{HeaderValue, Method, StatusCode, Version, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::decompression::RequestDecompressionLayer;
 use tower_http::request_id::{MakeRequestUuid, PropagateRequestIdLayer, SetRequestIdLayer};
 use tower_http::trace::TraceLayer;
 use utoipa::OpenApi;
@@ -123,21 +125,26 @@ pub fn router(app: AppState, access_control: Arc<AccessControl>, surface: ApiSur
             .for_each(|tags| tags.retain(|tag| visible_tags.contains(&tag.name.as_str())));
     }
     let routes = if surface == ApiSurface::Whole { routes.merge(dashboard::routes()) } else { routes };
-    routes
+    let routes = routes
         .merge(SwaggerUi::new("/docs").url("/openapi.json", document))
         .fallback(no_such_route)
         .method_not_allowed_fallback(no_such_method)
+        .layer(RequestDecompressionLayer::new().gzip(true).pass_through_unaccepted(true))
         .layer(CatchPanicLayer::custom(panicked))
         .layer(axum::middleware::from_fn_with_state(access_control, access::middleware::authorize))
-        .layer(axum::extract::DefaultBodyLimit::max(MAX_BODY_BYTES))
         .layer(axum::middleware::from_fn(limit_request))
+        .layer(axum::middleware::from_fn(request_head::check_host))
         .layer(axum::middleware::from_fn(content_negotiation::convert_response))
         .layer(axum::middleware::from_fn(add_security_headers))
         .layer(axum::middleware::from_fn(metrics::record_requests))
         .layer(PropagateRequestIdLayer::x_request_id())
         .layer(TraceLayer::new_for_http().make_span_with(request_span).on_failure(()))
         .layer(SetRequestIdLayer::x_request_id(MakeRequestUuid))
-        .with_state(app)
+        .with_state(app);
+    // The path of a request must be final before it selects a route.
+    Router::new()
+        .fallback_service(routes)
+        .layer(axum::middleware::from_fn(request_head::remove_trailing_slash))
 }
 
 /// Rejects bodies by their declared length before reading them, and applies the request timeout.
@@ -149,7 +156,7 @@ async fn limit_request(request: Request, next: Next) -> Response {
     let is_long_poll = request.method() == Method::GET && request.uri().path().ends_with("/trajectories");
     let timeout = if is_long_poll { REQUEST_TIMEOUT + LONG_POLL_EXTRA_TIMEOUT } else { REQUEST_TIMEOUT };
     let response = if too_large {
-        Problem::too_large().into_response()
+        Problem::body_too_large(MAX_BODY_BYTES).into_response()
     } else {
         let response = tokio::time::timeout(timeout, next.run(request)).await;
         response.unwrap_or_else(|_| Problem::timed_out().into_response())

@@ -3,8 +3,16 @@
 use std::num::NonZeroU32;
 use std::time::Duration;
 
-/// Largest request body in bytes.
+use strict_input::InputLimits;
+
+/// Largest request body of results and columns in bytes.
 pub const MAX_BODY_BYTES: usize = 16 * 1024 * 1024;
+/// Largest request body of all other operations in bytes. Complete scenarios and the actions of one episode are smaller.
+pub const MAX_ORDINARY_BODY_BYTES: usize = 1024 * 1024;
+/// Largest content of a body of results.
+pub const BULK_INPUT_LIMITS: InputLimits = InputLimits { values: 4_000_000, keys: 400_000 };
+/// Largest content of the body of any other operation, and of a message to `/v1/sessions`.
+pub const ORDINARY_INPUT_LIMITS: InputLimits = InputLimits { values: 250_000, keys: 20_000 };
 /// Largest body of an OpenEnv request in bytes. A scenario is the largest valid body, and clients may be anonymous.
 pub const MAX_OPENENV_BODY_BYTES: usize = 1024 * 1024;
 /// Largest body in bytes that is read without a permit of [`BodyLimit`](super::BodyLimit).
@@ -75,6 +83,10 @@ mod tests {
         if count >= 1 << 20 { format!("{} MiB", count >> 20) } else { format!("{} KiB", count >> 10) }
     }
 
+    fn content(InputLimits { values, keys }: InputLimits) -> String {
+        format!("{} values, {} keys", grouped(values), grouped(keys))
+    }
+
     fn seconds(time: Duration) -> String {
         format!("{} s", time.as_secs())
     }
@@ -90,6 +102,10 @@ mod tests {
             ("REQUEST_TIMEOUT", seconds(REQUEST_TIMEOUT)),
             ("WRITE_TIMEOUT", seconds(WRITE_TIMEOUT)),
             ("MAX_BODY_BYTES", bytes(MAX_BODY_BYTES)),
+            ("MAX_ORDINARY_BODY_BYTES", bytes(MAX_ORDINARY_BODY_BYTES)),
+            ("BULK_INPUT_LIMITS", content(BULK_INPUT_LIMITS)),
+            ("ORDINARY_INPUT_LIMITS", content(ORDINARY_INPUT_LIMITS)),
+            ("INPUT_LIMITS", content(openenv_wire::INPUT_LIMITS)),
             ("MAX_OPENENV_BODY_BYTES", bytes(MAX_OPENENV_BODY_BYTES)),
             ("MAX_LARGE_BODIES", grouped(MAX_LARGE_BODIES)),
             ("BODY_TIMEOUT", seconds(BODY_TIMEOUT)),

@@ -20,6 +20,7 @@ mod failures;
 mod faults;
 mod feed;
 mod fuzz;
+mod integer_bounds;
 mod lease_purposes;
 mod leases;
 mod network;
