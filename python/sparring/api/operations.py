@@ -720,7 +720,8 @@ class Trajectories:
         Args:
             limit: Largest number of groups, from 1 to 256 (default 8). A response has at most 32 MiB of JSON, or a
                 single group.
-            wait_s: Longest wait for the first group, seconds, from 0 to 60 (default 0).
+            wait_s: Longest wait for the first group, seconds, from 0 to 60 (default 0). The server waits at most 55 s,
+                since proxies end requests without a response after 60 s.
             ttl_s: Duration of the claim, seconds, from 1 to 86 400 (default 600). A group that is not acknowledged by
                 then is delivered again.
             after: Id after which groups are read again without a claim, acknowledged or not.
@@ -1467,7 +1468,8 @@ class AsyncTrajectories:
         Args:
             limit: Largest number of groups, from 1 to 256 (default 8). A response has at most 32 MiB of JSON, or a
                 single group.
-            wait_s: Longest wait for the first group, seconds, from 0 to 60 (default 0).
+            wait_s: Longest wait for the first group, seconds, from 0 to 60 (default 0). The server waits at most 55 s,
+                since proxies end requests without a response after 60 s.
             ttl_s: Duration of the claim, seconds, from 1 to 86 400 (default 600). A group that is not acknowledged by
                 then is delivered again.
             after: Id after which groups are read again without a claim, acknowledged or not.

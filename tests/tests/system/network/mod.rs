@@ -5,6 +5,8 @@ mod bodies;
 mod large_bodies;
 #[cfg(target_os = "linux")]
 mod pings;
+#[cfg(unix)]
+mod proxy;
 mod request_heads;
 mod websocket_errors;
 

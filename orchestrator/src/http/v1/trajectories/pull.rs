@@ -20,6 +20,9 @@ use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::rollouts::feed::{DeliverGroups, limit_bytes};
 
+/// Longest time that the server waits for a group. Proxies end requests without a response after 60 s by default.
+const MAX_WAIT: Duration = Duration::from_secs(55);
+
 /// Validated request for groups of a feed.
 struct PullRequest {
     run: RunId,
@@ -61,7 +64,7 @@ impl PullRequest {
         Ok(Self {
             run: parse_run_id(run)?,
             limit: i64::from(within("limit", query.limit, 8, 1, 256)?),
-            wait: Duration::from_secs(within("wait_s", query.wait_s, 0, 0, 60)?.into()),
+            wait: MAX_WAIT.min(Duration::from_secs(within("wait_s", query.wait_s, 0, 0, 60)?.into())),
             mode,
         })
     }
