@@ -41,6 +41,7 @@ pub async fn serve(listener: TcpListener, routes: Router, mut stopped: watch::Re
     let mut builder = Builder::new();
     builder
         .timer(TokioTimer::new())
+        .auto_date_header(false)
         .header_read_timeout(REQUEST_HEAD_TIMEOUT)
         .max_buf_size(MAX_READ_AHEAD_BYTES);
     // A caller that drops this future also aborts all connections.

@@ -11,6 +11,7 @@ mod connections;
 mod content_negotiation;
 mod counted_stream;
 mod dashboard;
+mod date_header;
 mod extract;
 mod filters;
 mod health;
@@ -125,6 +126,7 @@ pub fn router(app: AppState, access_control: Arc<AccessControl>, surface: ApiSur
             .for_each(|tags| tags.retain(|tag| visible_tags.contains(&tag.name.as_str())));
     }
     let routes = if surface == ApiSurface::Whole { routes.merge(dashboard::routes()) } else { routes };
+    let clock = app.clock.clone();
     let routes = routes
         .merge(SwaggerUi::new("/docs").url("/openapi.json", document))
         .fallback(no_such_route)
@@ -145,6 +147,7 @@ pub fn router(app: AppState, access_control: Arc<AccessControl>, surface: ApiSur
     Router::new()
         .fallback_service(routes)
         .layer(axum::middleware::from_fn(request_head::remove_trailing_slash))
+        .layer(axum::middleware::from_fn_with_state(clock, date_header::set_date))
 }
 
 /// Rejects bodies by their declared length before reading them, and applies the request timeout.
