@@ -111,7 +111,10 @@ impl Server {
 /// Panics if the client cannot be built.
 #[must_use]
 pub fn http_client() -> reqwest::Client {
-    llm::http_client_builder(false).expect("plain HTTP needs nothing").build().expect("a client")
+    llm::http_client_builder(llm::TrustedRoots::None)
+        .expect("plain HTTP needs nothing")
+        .build()
+        .expect("a client")
 }
 
 /// HTTP client of the API, as a trainer uses it.

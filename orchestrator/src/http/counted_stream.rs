@@ -59,16 +59,18 @@ impl CountedStream {
 
     /// Waits for the first byte; later timeouts are those of the HTTP library.
     ///
-    /// Returns false if no byte arrives within `timeout` or before the service stops.
+    /// Returns the byte, which is not consumed; `None` if none arrives within `timeout` or before the service stops.
     pub(super) async fn wait_for_first_byte(
         &self,
         timeout: Duration,
         mut stopped: watch::Receiver<bool>,
-    ) -> bool {
+    ) -> Option<u8> {
         let mut first = [0];
         tokio::select! {
-            peeked = tokio::time::timeout(timeout, self.stream.peek(&mut first)) => matches!(peeked, Ok(Ok(1..))),
-            _ = stopped.wait_for(|stop| *stop) => false,
+            peeked = tokio::time::timeout(timeout, self.stream.peek(&mut first)) => {
+                matches!(peeked, Ok(Ok(1..))).then_some(first[0])
+            }
+            _ = stopped.wait_for(|stop| *stop) => None,
         }
     }
 }
@@ -135,12 +137,16 @@ mod tests {
     async fn silent_connection_times_out() {
         let (stop, stopped) = watch::channel(false);
         let (mut client, stream) = connect().await;
-        assert!(!stream.wait_for_first_byte(SHORT, stopped.clone()).await);
+        assert_eq!(stream.wait_for_first_byte(SHORT, stopped.clone()).await, None);
         client.write_all(b"G").await.expect("the byte is sent");
-        assert!(stream.wait_for_first_byte(Duration::from_secs(60), stopped.clone()).await);
+        assert_eq!(stream.wait_for_first_byte(Duration::from_secs(60), stopped.clone()).await, Some(b'G'));
         let (_silent, stream) = connect().await;
         stop.send_replace(true);
-        assert!(!stream.wait_for_first_byte(Duration::from_secs(60), stopped).await, "the service stops");
+        assert_eq!(
+            stream.wait_for_first_byte(Duration::from_secs(60), stopped).await,
+            None,
+            "the service stops"
+        );
     }
 
     /// A client that reads slowly keeps its connection; one that reads nothing loses it.

@@ -29,6 +29,7 @@ mod request_head;
 mod run_reader;
 mod socket;
 pub mod state;
+mod tls;
 mod v1;
 
 use std::sync::Arc;
@@ -53,6 +54,7 @@ pub use self::openenv::EpisodeBoards;
 pub use self::problem::Problem;
 pub use self::readiness::ReadinessProbe;
 use self::state::AppState;
+pub use self::tls::{ServerTls, TlsError, TlsFiles};
 use crate::limits::constants::{LONG_POLL_EXTRA_TIMEOUT, MAX_BODY_BYTES, REQUEST_TIMEOUT};
 use crate::tokens::redact;
 

@@ -38,6 +38,12 @@ pub const MAX_CONNECTIONS_PER_ADDRESS: usize = MAX_CONNECTIONS / 4 * 3;
 pub const REQUEST_HEAD_TIMEOUT: Duration = Duration::from_secs(75);
 /// Maximum number of bytes that the server reads ahead of a connection.
 pub const MAX_READ_AHEAD_BYTES: usize = 64 * 1024;
+/// Maximum number of TLS handshakes that are open. Further connections are closed.
+pub const MAX_HANDSHAKES: usize = 1024;
+/// Maximum number of open TLS handshakes of one IP address.
+pub const MAX_HANDSHAKES_PER_ADDRESS: usize = MAX_HANDSHAKES / 4 * 3;
+/// Maximum duration of a TLS handshake.
+pub const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(10);
 /// Time after which a connection is closed if its client reads nothing of a response that waits.
 pub const WRITE_TIMEOUT: Duration = Duration::from_secs(30);
 
@@ -100,6 +106,9 @@ mod tests {
             ("REQUEST_HEAD_TIMEOUT", seconds(REQUEST_HEAD_TIMEOUT)),
             ("MAX_READ_AHEAD_BYTES", bytes(MAX_READ_AHEAD_BYTES)),
             ("REQUEST_TIMEOUT", seconds(REQUEST_TIMEOUT)),
+            ("MAX_HANDSHAKES", grouped(MAX_HANDSHAKES)),
+            ("MAX_HANDSHAKES_PER_ADDRESS", grouped(MAX_HANDSHAKES_PER_ADDRESS)),
+            ("HANDSHAKE_TIMEOUT", seconds(HANDSHAKE_TIMEOUT)),
             ("WRITE_TIMEOUT", seconds(WRITE_TIMEOUT)),
             ("MAX_BODY_BYTES", bytes(MAX_BODY_BYTES)),
             ("MAX_ORDINARY_BODY_BYTES", bytes(MAX_ORDINARY_BODY_BYTES)),

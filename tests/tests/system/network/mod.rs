@@ -8,6 +8,8 @@ mod pings;
 #[cfg(unix)]
 mod proxy;
 mod request_heads;
+#[cfg(unix)]
+mod tls;
 mod websocket_errors;
 
 use std::io::{Read, Write};
