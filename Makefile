@@ -66,6 +66,7 @@ test-prerequisites: check-python dashboard
 	scripts/openenv-venv
 	scripts/python-venv
 	scripts/chromium
+	scripts/nginx
 	@if [[ -n "$$SPARRING_TRAINERS" ]]; then scripts/sb3-venv; fi
 
 test-python: check-cargo check-clippy check-python ## Test the Python package, with the checkers of Gymnasium and PettingZoo, ruff and mypy

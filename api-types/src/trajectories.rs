@@ -17,7 +17,8 @@ pub struct TrajectoryQuery {
     #[param(minimum = 1, maximum = 256, default = 8)]
     #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 256>")]
     pub limit: Option<u32>,
-    /// Longest wait for the first group, seconds, from 0 to 60 (default 0).
+    /// Longest wait for the first group, seconds, from 0 to 60 (default 0). The server waits at most 55 s, since proxies end requests
+    /// without a response after 60 s.
     #[param(minimum = 0, maximum = 60, default = 0)]
     #[serde(default, deserialize_with = "crate::integers::optional::<_, 0, 60>")]
     pub wait_s: Option<u32>,
@@ -34,7 +35,8 @@ pub struct TrajectoryClaim {
     #[schema(minimum = 1, maximum = 256, default = 8)]
     #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 256>")]
     pub limit: Option<u32>,
-    /// Longest wait for the first group, seconds, from 0 to 60 (default 0).
+    /// Longest wait for the first group, seconds, from 0 to 60 (default 0). The server waits at most 55 s, since proxies end requests
+    /// without a response after 60 s.
     #[schema(minimum = 0, maximum = 60, default = 0)]
     #[serde(default, deserialize_with = "crate::integers::optional::<_, 0, 60>")]
     pub wait_s: Option<u32>,

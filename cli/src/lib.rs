@@ -21,6 +21,7 @@ pub mod report;
 pub mod serve;
 #[cfg(test)]
 mod tests;
+pub mod tls_args;
 pub mod token;
 
 use std::io::Write;

@@ -22,6 +22,7 @@ use orchestrator::sessions::SessionLimits;
 use super::bind_args::BindArgs;
 use super::judge::JudgeArgs;
 use super::policy::PolicyArgs;
+use super::tls_args::{ReloadSignal, TlsArgs};
 
 /// Serve the curriculum over HTTP: trainers lease scenarios, run them and report the actions.
 #[derive(Debug, clap::Args)]
@@ -33,6 +34,7 @@ Examples:
   sparring serve
   sparring serve --db training.sqlite3 --port 9000
   sparring serve --bind 0.0.0.0:8000 --openenv-public
+  sparring serve --bind 0.0.0.0:8700 --tls-cert fullchain.pem --tls-key key.pem
   sparring serve --policy-url http://127.0.0.1:8000/v1 --policy-model name
   SPARRING_LLM_KEY=... sparring serve --judge llm \\
       --llm-url https://llm.example.com/v1 --llm-model name
@@ -68,6 +70,8 @@ pub struct Args {
     /// Also stop when standard input is closed, for example because the parent process ended
     #[arg(long)]
     while_stdin: bool,
+    #[command(flatten)]
+    tls: TlsArgs,
     #[command(flatten)]
     each: ClientLimitArgs,
     #[command(flatten)]
@@ -140,15 +144,17 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let bind = args.bind.address();
         let forgotten = args.temporary.then(|| tempfile::Builder::new().prefix("sparring-").tempdir()).transpose()?;
         let db = forgotten.as_ref().map_or_else(|| args.db.clone(), |folder| folder.path().join("sparring.sqlite3"));
-        let config = Config { db: db.clone(), bind, clock, designers, sessions, judges, endpoint, openenv_public: args.openenv_public, client_limits: args.each.client_limits(), archived_retention: args.delete_archived_after.map(ArchivedRetention::of_days), process_token: None };
+        let config = Config { db: db.clone(), bind, tls: args.tls.files()?, clock, designers, sessions, judges, endpoint, openenv_public: args.openenv_public, client_limits: args.each.client_limits(), archived_retention: args.delete_archived_after.map(ArchivedRetention::of_days), process_token: None };
         let mut service = Service::start(config).await?;
         // A program that reads the URL may stop the server at once.
         let mut stop = StopSignal::install()?;
+        let mut reload = ReloadSignal::install(service.tls())?;
         // Programs that start a server read the first line to learn its port.
         output::print(&url_lines(&service, args.openenv_public))?;
         tracing::info!(db = %db.display(), url = %service.url(), "The server started; Ctrl-C stops it.");
         let exit_code = tokio::select! {
             signal = stop.received() => signal?.exit_code(),
+            never = reload.reload_forever() => match never {},
             () = stdin_ends(), if args.while_stdin => ExitCode::SUCCESS,
             () = service.writer_failed() => anyhow::bail!("the database writer failed, so the server stopped; the log has the reason"),
         };
@@ -185,12 +191,13 @@ fn url_lines(service: &Service, openenv_public: bool) -> String {
             Ipv4Addr::LOCALHOST.into()
         });
     }
-    let openenv = format!("  OpenEnv    {url}  (form: http://{address}/web/)");
+    let scheme = if service.tls().is_some() { "https" } else { "http" };
+    let openenv = format!("  OpenEnv    {url}  (form: {scheme}://{address}/web/)");
     if openenv_public {
         return format!("Sparring serves at {url}\n{openenv}");
     }
     format!(
-        "Sparring serves at {url}\n  Dashboard  http://{address}/dashboard/\n  API        http://{address}/docs\n{openenv}"
+        "Sparring serves at {url}\n  Dashboard  {scheme}://{address}/dashboard/\n  API        {scheme}://{address}/docs\n{openenv}"
     )
 }
 

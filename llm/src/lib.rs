@@ -47,4 +47,4 @@ pub use self::health::{Health, LastError, LatencySummary};
 pub use self::openai::OpenAi;
 pub use self::ordered_schema::OrderedSchema;
 pub use self::sanitize::{sanitize_line, sanitize_line_to};
-pub use self::tls::{http_client_builder, tls_config};
+pub use self::tls::{TrustedRoots, http_client_builder, tls_config};

@@ -27,7 +27,7 @@ mod wire_format;
 
 pub use self::action_reader::MAX_TEXT_BYTES;
 pub use self::number::{NumberError, parse_integer, parse_number};
-pub use self::python_json::parse_python_json;
+pub use self::python_json::{INPUT_LIMITS, parse_python_json};
 pub use self::registry::wire_format;
 pub use self::validation_error::{LocSegment, MAX_ECHO_BYTES, MAX_ERRORS, ValidationError, echo_input};
 pub use self::wire_format::WireFormat;

@@ -1,14 +1,24 @@
 //! JSON as Python's `json` module writes it.
 
+use serde::de::Error as _;
 use serde_json::Value;
+use strict_input::{InputLimits, JsonContent, end_of_string};
+
+/// Largest content of one text.
+pub const INPUT_LIMITS: InputLimits = InputLimits { values: 100_000, keys: 20_000 };
 
 /// Parses JSON, and the extensions that Python's `json` writes: `NaN`, `Infinity`, `-Infinity` and numbers beyond the range
 /// of a double. Those become strings of the same letters. Number parsers reject them as `finite_number`, so the error
 /// names the field instead of a column of the text. The time is linear in the text; `serde_json` bounds the nesting.
 ///
 /// # Errors
-/// Returns the parser's error if the text is not JSON even with those extensions.
+/// Returns the parser's error if the text is not JSON even with those extensions, and an error if it has more content than
+/// [`INPUT_LIMITS`] allow.
 pub fn parse_python_json(text: &str) -> serde_json::Result<Value> {
+    // Short text is within the limits: a value has at least one byte, a key more.
+    if text.len() > INPUT_LIMITS.keys {
+        JsonContent::count(text.as_bytes()).check(INPUT_LIMITS).map_err(serde_json::Error::custom)?;
+    }
     match serde_json::from_str(text) {
         Ok(value) => Ok(value),
         Err(error) => match quote_extensions(text) {
@@ -42,15 +52,6 @@ fn quote_extensions(text: &str) -> Option<String> {
     }
     out.push_str(&text[copied..]);
     (copied > 0).then_some(out)
-}
-
-/// The offset after the string that begins at `quote`, or the end of the text if it is unterminated.
-fn end_of_string(bytes: &[u8], quote: usize) -> usize {
-    let mut at = quote + 1;
-    while at < bytes.len() && bytes[at] != b'"' {
-        at += if bytes[at] == b'\\' { 2 } else { 1 };
-    }
-    bytes.len().min(at + 1)
 }
 
 const fn is_token_byte(byte: u8) -> bool {

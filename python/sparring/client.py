@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import random
+import ssl
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from typing import Any, NamedTuple
@@ -18,7 +20,7 @@ except ImportError as error:
 
 from . import _native
 from .api import operations
-from .connection import read_token
+from .connection import read_ca_file, read_token
 from .curriculum import DEFAULT_URL
 from .errors import invalid
 from .scenario import to_json
@@ -75,7 +77,14 @@ class Event(NamedTuple):
 class _Connection:
     """Validated arguments of a client."""
 
-    def __init__(self, url: str, token: str | None, timeout_s: float, retry_timeout_s: float) -> None:
+    def __init__(
+        self,
+        url: str,
+        token: str | None,
+        ca_file: str | os.PathLike[str] | None,
+        timeout_s: float,
+        retry_timeout_s: float,
+    ) -> None:
         try:
             parsed = httpx.URL(url)
         except (httpx.InvalidURL, TypeError) as error:
@@ -86,7 +95,7 @@ class _Connection:
             is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
             if not is_number or not value >= 0.0 or (name == "timeout_s" and value == 0):
                 raise invalid(name, f"a number of seconds {'>' if name == 'timeout_s' else '>='} 0", value)
-        token = read_token(token)
+        token, ca_file = read_token(token), read_ca_file(ca_file)
         headers = {"Accept": "application/json", **({"Authorization": f"Bearer {token}"} if token else {})}
         self.url = url.rstrip("/")
         self.retry_timeout_s = retry_timeout_s
@@ -98,6 +107,20 @@ class _Connection:
             "timeout": timeout_s,
             "trust_env": use_proxy,
         }
+        if ca_file is not None and parsed.scheme == "https":
+            self.options["verify"] = _trust(ca_file)
+
+
+def _trust(ca_file: str) -> ssl.SSLContext:
+    """Returns TLS settings that trust only the certificate authorities of a file.
+
+    Raises:
+        ValueError: The file cannot be read, or has no certificate.
+    """
+    try:
+        return ssl.create_default_context(cafile=ca_file)
+    except (OSError, ssl.SSLError) as error:
+        raise invalid("ca_file", f"a PEM file with certificates ({error})", ca_file) from error
 
 
 class _RetryPolicy:
@@ -148,13 +171,15 @@ class Client(operations.Operations):
     Args:
         url: Address of the server.
         token: Token (default `SPARRING_TOKEN`).
+        ca_file: PEM file with the certificate authorities to trust for an https server (default `SPARRING_CA_FILE`, else those of
+            the package certifi).
         timeout_s: Timeout of one request, seconds.
         retry_timeout_s: Time after which a request is not repeated any more, seconds.
 
     Raises:
         ApiError: The server rejects a request.
         ServerUnreachableError: The server does not answer.
-        ValueError: The URL, the token or a timeout is invalid.
+        ValueError: The URL, the token, the file of certificate authorities or a timeout is invalid.
     """
 
     def __init__(
@@ -162,10 +187,11 @@ class Client(operations.Operations):
         url: str = DEFAULT_URL,
         *,
         token: str | None = None,
+        ca_file: str | os.PathLike[str] | None = None,
         timeout_s: float = 60.0,
         retry_timeout_s: float = 60.0,
     ) -> None:
-        self._connection = _Connection(url, token, timeout_s, retry_timeout_s)
+        self._connection = _Connection(url, token, ca_file, timeout_s, retry_timeout_s)
         self._http = httpx.Client(**self._connection.options)
         self._bind(self._send)
 
@@ -249,10 +275,11 @@ class AsyncClient(operations.AsyncOperations):
         url: str = DEFAULT_URL,
         *,
         token: str | None = None,
+        ca_file: str | os.PathLike[str] | None = None,
         timeout_s: float = 60.0,
         retry_timeout_s: float = 60.0,
     ) -> None:
-        self._connection = _Connection(url, token, timeout_s, retry_timeout_s)
+        self._connection = _Connection(url, token, ca_file, timeout_s, retry_timeout_s)
         self._http = httpx.AsyncClient(**self._connection.options)
         self._bind(self._send)
 

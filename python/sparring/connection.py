@@ -23,6 +23,11 @@ def read_token(token: str | None) -> str | None:
     return token or None
 
 
+def read_ca_file(ca_file: str | os.PathLike[str] | None) -> str | None:
+    """Returns the file of certificate authorities to trust: the given one, or `SPARRING_CA_FILE`; None if it is empty."""
+    return os.fspath(os.environ.get("SPARRING_CA_FILE", "") if ca_file is None else ca_file) or None
+
+
 def needs_token(url: str) -> bool:
     """Returns True if the server rejects requests without a token; it accepts them while its database has no token."""
     try:

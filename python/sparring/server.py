@@ -74,7 +74,7 @@ class Server:
             for line in stdout or ():
                 del output[:-KEPT_LINES]
                 output.append(line)
-                match = re.search(r"serves at (http://\S+?)[.,]?(?:\s|$)", line)
+                match = re.search(r"serves at (https?://\S+?)[.,]?(?:\s|$)", line)
                 if match and not urls:
                     urls.append(match[1])
                     has_url_or_ended.set()

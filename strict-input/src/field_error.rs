@@ -10,7 +10,7 @@ use serde::de::{self, Expected, Unexpected};
 pub const KNOWN_FIELDS: &str = "the known fields are";
 
 /// Error of a field that cannot be read: its path, and the reason.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct FieldError {
     /// Dotted path of the field, list items by their index from 0; empty for the whole document.
     pub field: String,
@@ -26,6 +26,11 @@ impl FieldError {
     /// Error of a key that appears twice.
     pub(super) fn duplicate(field: &str) -> Self {
         Self { field: shorten(field, MAX_QUOTED_CHARS), reason: "is given twice; send it once".to_owned() }
+    }
+
+    /// Error of a number that is NaN or infinite.
+    pub(super) fn not_finite(number: f64) -> Self {
+        Self::new(format!("must be a finite number, got {}", format_shortest(number)))
     }
 
     /// Error of an unknown key; `known` lists the known ones.

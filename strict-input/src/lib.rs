@@ -8,6 +8,8 @@
 //! into a Rust type, and [`field_error`] words the errors.
 
 mod field_error;
+mod input_error;
+mod json_content;
 mod strict_value;
 #[cfg(test)]
 mod tests;
@@ -17,7 +19,9 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
 pub use self::field_error::{FieldError, KNOWN_FIELDS};
-pub use self::strict_value::{InputError, from_messagepack, parse_json, parse_messagepack};
+pub use self::input_error::{InputError, InputLimits};
+pub use self::json_content::{JsonContent, end_of_string};
+pub use self::strict_value::{MessagePackValue, from_messagepack, parse_json, parse_messagepack};
 use self::value_deserializer::ValueDeserializer;
 
 /// Deserializes a JSON value as `T`.

@@ -1,4 +1,4 @@
-//! Parsers of JSON and MessagePack that reject duplicate keys and bound the number of values.
+//! Parsers of JSON and MessagePack that reject duplicate keys and bound the numbers of values and of keys.
 
 use std::cell::{Cell, RefCell};
 use std::fmt;
@@ -8,55 +8,56 @@ use serde::de::{self, DeserializeOwned, DeserializeSeed, MapAccess, SeqAccess, V
 use serde_json::{Map, Number, Value, map::Entry};
 
 use super::FieldError;
+use super::input_error::{ContentKind, InputError, InputLimits};
+use super::json_content::JsonContent;
 
-/// Maximum number of values in one body. A value takes 32 bytes of memory, but as little as one byte of the body.
-pub(crate) const MAX_VALUES: usize = 4_000_000;
 /// Maximum nesting of MessagePack; serde_json has the same bound for JSON.
 const MAX_DEPTH: usize = 128;
-
-/// Error of a body that cannot be parsed.
-#[derive(Debug)]
-pub enum InputError {
-    /// The bytes are not JSON or not MessagePack; the parser's message.
-    Malformed(String),
-    /// An object has the same key twice.
-    DuplicateKey(FieldError),
-}
-
-impl fmt::Display for InputError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Malformed(message) => f.write_str(message),
-            Self::DuplicateKey(error) => error.fmt(f),
-        }
-    }
-}
-
-impl std::error::Error for InputError {}
+/// Maximum number of fields that [`MessagePackValue::non_finite`] lists.
+const MAX_NON_FINITE: usize = 10_000;
 
 /// Parses JSON.
 ///
 /// # Errors
-/// Returns [`InputError::Malformed`] if the bytes are not one JSON value or hold too many values, and
+/// Returns [`InputError::Malformed`] if the bytes are not one JSON value, [`InputError::TooLarge`] if they exceed `limits`, and
 /// [`InputError::DuplicateKey`] if an object has a key twice.
-pub fn parse_json(bytes: &[u8]) -> Result<Value, InputError> {
+pub fn parse_json(bytes: &[u8], limits: InputLimits) -> Result<Value, InputError> {
     if bytes.iter().all(u8::is_ascii_whitespace) {
         return Err(InputError::Malformed("it is empty".to_owned()));
     }
+    JsonContent::count(bytes).check(limits)?;
     let mut reader = serde_json::Deserializer::from_slice(bytes);
-    parse_strictly(|seed| seed.deserialize(&mut reader).and_then(|value| reader.end().map(|()| value)))
+    let state = ParserState::new(limits);
+    let parsed =
+        StrictValueSeed(&state).deserialize(&mut reader).and_then(|value| reader.end().map(|()| value));
+    parsed.map_err(|error| state.into_error(&error))
+}
+
+/// MessagePack as a JSON value.
+#[derive(Debug, PartialEq)]
+pub struct MessagePackValue {
+    /// The value, with null in place of each number that is not finite.
+    pub value: Value,
+    /// Errors of the numbers that are not finite, in their order.
+    pub non_finite: Vec<FieldError>,
 }
 
 /// Parses MessagePack.
 ///
 /// # Errors
-/// Returns [`InputError::Malformed`] if the bytes are not one MessagePack value, nest too deeply or hold too many values,
-/// and [`InputError::DuplicateKey`] if a map has a key twice.
-pub fn parse_messagepack(bytes: &[u8]) -> Result<Value, InputError> {
+/// Returns [`InputError::Malformed`] if the bytes are not one MessagePack value, nest too deeply or have more than 10 000
+/// numbers that are not finite, [`InputError::TooLarge`] if they exceed `limits`, and [`InputError::DuplicateKey`] if a map has a
+/// key twice.
+pub fn parse_messagepack(bytes: &[u8], limits: InputLimits) -> Result<MessagePackValue, InputError> {
     let mut reader = messagepack_reader(bytes);
-    parse_strictly(|seed| {
-        seed.deserialize(&mut reader).and_then(|value| check_end(&reader, bytes).map(|()| value))
-    })
+    let state = ParserState::new(limits);
+    let parsed = StrictValueSeed(&state)
+        .deserialize(&mut reader)
+        .and_then(|value| check_end(&reader, bytes).map(|()| value));
+    match parsed {
+        Ok(value) => Ok(MessagePackValue { value, non_finite: state.non_finite.into_inner() }),
+        Err(error) => Err(state.into_error(&error)),
+    }
 }
 
 /// Deserializes MessagePack as `T` without an intermediate value.
@@ -85,47 +86,75 @@ fn check_end(reader: &MessagePackReader<'_>, bytes: &[u8]) -> Result<(), rmp_ser
     }
 }
 
-fn parse_strictly<E: fmt::Display>(
-    parse: impl FnOnce(StrictValueSeed<'_>) -> Result<Value, E>,
-) -> Result<Value, InputError> {
-    let (duplicate, remaining) = (RefCell::new(None), Cell::new(MAX_VALUES));
-    parse(StrictValueSeed { duplicate: &duplicate, remaining: &remaining }).map_err(|error| {
-        match duplicate.into_inner() {
-            Some(field) => InputError::DuplicateKey(field),
-            None => InputError::Malformed(error.to_string()),
-        }
-    })
-}
-
-/// Serde seed of one value that rejects duplicate keys.
+/// Shared state of the seeds of one input.
 ///
-/// A duplicate key is stored in `duplicate`; each level that returns adds its name to the path.
-#[derive(Clone, Copy)]
-struct StrictValueSeed<'a> {
-    duplicate: &'a RefCell<Option<FieldError>>,
-    /// Number of values that the body may still hold.
-    remaining: &'a Cell<usize>,
+/// A level that returns adds its name to the path of each error that a value below it stored.
+struct ParserState {
+    limits: InputLimits,
+    /// Number of values so far.
+    values: Cell<usize>,
+    /// Number of keys so far.
+    keys: Cell<usize>,
+    duplicate: RefCell<Option<FieldError>>,
+    /// Limit that the input exceeds.
+    exceeded: Cell<Option<ContentKind>>,
+    non_finite: RefCell<Vec<FieldError>>,
 }
 
-impl StrictValueSeed<'_> {
-    /// Returns a mapper of errors that adds `name` to the path of a duplicate key.
-    fn nest_in<E>(self, name: impl FnOnce() -> String) -> impl FnOnce(E) -> E {
-        move |error| {
-            let mut duplicate = self.duplicate.borrow_mut();
-            *duplicate = duplicate.take().map(|field| field.nested_in(&name()));
-            error
+impl ParserState {
+    fn new(limits: InputLimits) -> Self {
+        Self {
+            limits,
+            values: Cell::new(0),
+            keys: Cell::new(0),
+            duplicate: RefCell::default(),
+            exceeded: Cell::new(None),
+            non_finite: RefCell::default(),
+        }
+    }
+
+    /// Returns the reason why parsing failed with `error`.
+    fn into_error(self, error: &impl fmt::Display) -> InputError {
+        match (self.duplicate.into_inner(), self.exceeded.get()) {
+            (Some(field), _) => InputError::DuplicateKey(field),
+            (None, Some(kind)) => self.limits.error(kind),
+            (None, None) => InputError::Malformed(error.to_string()),
+        }
+    }
+
+    /// Counts one value or key.
+    fn count<E: de::Error>(&self, count: &Cell<usize>, limit: usize, kind: ContentKind) -> Result<(), E> {
+        count.set(count.get() + 1);
+        if count.get() <= limit {
+            return Ok(());
+        }
+        self.exceeded.set(Some(kind));
+        Err(E::custom("the input exceeds its limits"))
+    }
+
+    /// Adds `name` to the path of a duplicate key.
+    fn nest_duplicate(&self, name: impl FnOnce() -> String) {
+        let mut duplicate = self.duplicate.borrow_mut();
+        *duplicate = duplicate.take().map(|field| field.nested_in(&name()));
+    }
+
+    /// Adds `name` to the paths of the numbers that are not finite, from the one at index `first` on.
+    fn nest_non_finite(&self, first: usize, name: impl Fn() -> String) {
+        for field in &mut self.non_finite.borrow_mut()[first..] {
+            *field = std::mem::take(field).nested_in(&name());
         }
     }
 }
+
+/// Serde seed of one value.
+#[derive(Clone, Copy)]
+struct StrictValueSeed<'a>(&'a ParserState);
 
 impl<'de> DeserializeSeed<'de> for StrictValueSeed<'_> {
     type Value = Value;
 
     fn deserialize<D: de::Deserializer<'de>>(self, reader: D) -> Result<Value, D::Error> {
-        let remaining = self.remaining.get().checked_sub(1);
-        self.remaining.set(remaining.ok_or_else(|| {
-            de::Error::custom(format!("it has more than {MAX_VALUES} values; send less at a time"))
-        })?);
+        self.0.count(&self.0.values, self.0.limits.values, ContentKind::Values)?;
         reader.deserialize_any(self)
     }
 }
@@ -154,7 +183,15 @@ impl<'de> Visitor<'de> for StrictValueSeed<'_> {
     }
 
     fn visit_f64<E: de::Error>(self, value: f64) -> Result<Value, E> {
-        Number::from_f64(value).map(Value::Number).ok_or_else(|| E::custom("a number is not finite"))
+        if let Some(number) = Number::from_f64(value) {
+            return Ok(Value::Number(number));
+        }
+        let mut non_finite = self.0.non_finite.borrow_mut();
+        if non_finite.len() == MAX_NON_FINITE {
+            return Err(E::custom(format!("it has more than {MAX_NON_FINITE} numbers that are not finite")));
+        }
+        non_finite.push(FieldError::not_finite(value));
+        Ok(Value::Null)
     }
 
     fn visit_str<E>(self, value: &str) -> Result<Value, E> {
@@ -167,25 +204,32 @@ impl<'de> Visitor<'de> for StrictValueSeed<'_> {
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Value, A::Error> {
         let mut list = Vec::new();
-        while let Some(item) =
-            items.next_element_seed(self).map_err(self.nest_in(|| list.len().to_string()))?
-        {
-            list.push(item);
+        loop {
+            let (before, index) = (self.0.non_finite.borrow().len(), list.len());
+            let item =
+                items.next_element_seed(self).inspect_err(|_| self.0.nest_duplicate(|| index.to_string()))?;
+            self.0.nest_non_finite(before, || index.to_string());
+            match item {
+                Some(item) => list.push(item),
+                None => return Ok(Value::Array(list)),
+            }
         }
-        Ok(Value::Array(list))
     }
 
     fn visit_map<A: MapAccess<'de>>(self, mut fields: A) -> Result<Value, A::Error> {
         let mut object = Map::new();
         while let Some(name) = fields.next_key::<String>()? {
+            self.0.count(&self.0.keys, self.0.limits.keys, ContentKind::Keys)?;
             match object.entry(name) {
                 Entry::Vacant(entry) => {
+                    let before = self.0.non_finite.borrow().len();
                     let value = fields.next_value_seed(self);
-                    let value = value.map_err(self.nest_in(|| entry.key().clone()))?;
+                    let value = value.inspect_err(|_| self.0.nest_duplicate(|| entry.key().clone()))?;
+                    self.0.nest_non_finite(before, || entry.key().clone());
                     entry.insert(value);
                 }
                 Entry::Occupied(entry) => {
-                    *self.duplicate.borrow_mut() = Some(FieldError::duplicate(entry.key()));
+                    *self.0.duplicate.borrow_mut() = Some(FieldError::duplicate(entry.key()));
                     return Err(de::Error::custom("an object has the same key twice"));
                 }
             }

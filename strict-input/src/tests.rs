@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use proptest::prelude::*;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
@@ -35,7 +36,7 @@ enum Kind {
 }
 
 fn outcome(text: &str) -> String {
-    match parse_json(text.as_bytes()) {
+    match parse_json(text.as_bytes(), InputLimits::FILE) {
         Err(error) => error.to_string(),
         Ok(value) => match from_value::<Request>(value) {
             Err(error) => error.to_string(),
@@ -84,7 +85,7 @@ fn errors_name_the_field_in_plain_words() {
 fn valid_input_is_read_to_the_bit() {
     let text = r#"{"count": 7, "share": 0.1, "name": "é", "kind": "strange", "deep": [{"wanted": -3}],
         "by_name": {"a": {"wanted": 1}}, "any": {"x": [1, 2.5e-308, null, "s", true, 18446744073709551615]}, "flag": true}"#;
-    let strict = parse_json(text.as_bytes()).unwrap();
+    let strict = parse_json(text.as_bytes(), InputLimits::FILE).unwrap();
     assert_eq!(strict, serde_json::from_str::<Value>(text).unwrap());
     assert_eq!(from_value::<Request>(strict).unwrap(), serde_json::from_str::<Request>(text).unwrap());
     assert_eq!(from_value::<Request>(json!({})).unwrap(), Request::default());
@@ -113,66 +114,95 @@ fn query_pairs_are_read_as_numbers_and_booleans() {
     insta::assert_snapshot!(errors.join("\n"));
 }
 
+/// Any JSON value of a few levels.
+pub(super) fn any_json() -> impl Strategy<Value = Value> {
+    let leaf = prop_oneof![
+        Just(Value::Null),
+        any::<bool>().prop_map(Value::from),
+        any::<i64>().prop_map(Value::from),
+        any::<u64>().prop_map(Value::from),
+        (-1e300..1e300f64).prop_map(Value::from),
+        ".{0,12}".prop_map(Value::from),
+    ];
+    leaf.prop_recursive(4, 40, 6, |inner| {
+        prop_oneof![
+            proptest::collection::vec(inner.clone(), 0..6).prop_map(Value::from),
+            proptest::collection::btree_map(".{0,6}", inner, 0..6)
+                .prop_map(|fields| fields.into_iter().collect::<Value>()),
+        ]
+    })
+}
+
 mod packed {
     use proptest::prelude::*;
-    use serde_json::{Value, json};
+    use serde_json::json;
 
-    use crate::{InputError, parse_json, parse_messagepack};
+    use super::any_json;
 
-    fn any_json() -> impl Strategy<Value = Value> {
-        let leaf = prop_oneof![
-            Just(Value::Null),
-            any::<bool>().prop_map(Value::from),
-            any::<i64>().prop_map(Value::from),
-            any::<u64>().prop_map(Value::from),
-            (-1e300..1e300f64).prop_map(Value::from),
-            ".{0,12}".prop_map(Value::from),
-        ];
-        leaf.prop_recursive(4, 40, 6, |inner| {
-            prop_oneof![
-                proptest::collection::vec(inner.clone(), 0..6).prop_map(Value::from),
-                proptest::collection::btree_map(".{0,6}", inner, 0..6)
-                    .prop_map(|fields| fields.into_iter().collect::<Value>()),
-            ]
-        })
-    }
+    use crate::{InputError, InputLimits, parse_json, parse_messagepack};
+
+    const LIMITS: InputLimits = InputLimits::FILE;
 
     proptest! {
         #[test]
         fn json_and_messagepack_give_the_same_value(body in any_json()) {
             let bytes = rmp_serde::to_vec_named(&body).unwrap();
-            prop_assert_eq!(parse_messagepack(&bytes).unwrap(), body.clone());
-            prop_assert_eq!(parse_json(body.to_string().as_bytes()).unwrap(), body);
+            let parsed = parse_messagepack(&bytes, LIMITS).unwrap();
+            prop_assert!(parsed.non_finite.is_empty());
+            prop_assert_eq!(parsed.value, body.clone());
+            prop_assert_eq!(parse_json(body.to_string().as_bytes(), LIMITS).unwrap(), body);
         }
 
         #[test]
         fn arbitrary_bytes_never_panic(bytes: Vec<u8>) {
-            let _ = parse_messagepack(&bytes);
+            let _ = parse_messagepack(&bytes, LIMITS);
         }
     }
 
     #[test]
-    fn oversized_deep_or_trailing_input_is_rejected() {
-        let too_many = [vec![0xdd, 0, 0x50, 0, 0], vec![0xc0; 0x50_0000]].concat();
+    fn deep_truncated_or_trailing_input_is_rejected() {
         let too_deep = [vec![0x91; 100_000], vec![0xc0]].concat();
         let trailing = vec![0xc0, 0xc0];
         let overstated_length = vec![0xdd, 0xff, 0xff, 0xff, 0xff, 0xc0];
         let duplicate_key = [&[0x82, 0xa1, b'a', 1, 0xa1, b'a', 2][..]].concat();
-        for bytes in [
-            too_many,
-            too_deep,
-            trailing,
-            overstated_length,
-            vec![0xc4, 1, 0],
-            vec![0x81, 1, 2],
-            vec![0xcb, 0x7f, 0xf8, 0, 0, 0, 0, 0, 0],
-        ] {
-            assert!(matches!(parse_messagepack(&bytes), Err(InputError::Malformed(_))));
+        for bytes in [too_deep, trailing, overstated_length, vec![0xc4, 1, 0], vec![0x81, 1, 2]] {
+            assert!(matches!(parse_messagepack(&bytes, LIMITS), Err(InputError::Malformed(_))));
         }
-        assert!(matches!(parse_messagepack(&duplicate_key), Err(InputError::DuplicateKey(_))));
+        assert!(matches!(parse_messagepack(&duplicate_key, LIMITS), Err(InputError::DuplicateKey(_))));
+        assert_eq!(parse_json(b"[[1]]", LIMITS).unwrap(), json!([[1]]));
+    }
+
+    #[test]
+    fn number_of_values_and_keys_is_bounded() {
+        let too_many = [vec![0xdd, 0, 0x50, 0, 0], vec![0xc0; 0x50_0000]].concat();
+        let outcome = parse_messagepack(&too_many, LIMITS).unwrap_err();
+        assert!(matches!(outcome, InputError::TooLarge(_)), "{outcome}");
         let text = format!("[{}0]", "0,".repeat(5_000_000));
-        let outcome = parse_json(text.as_bytes()).unwrap_err().to_string();
+        let outcome = parse_json(text.as_bytes(), LIMITS).unwrap_err().to_string();
         assert!(outcome.contains("more than 4000000 values"), "{outcome}");
-        assert_eq!(parse_json(b"[[1]]").unwrap(), json!([[1]]));
+        let limits = InputLimits { values: 7, keys: 3 };
+        let of = |text: &str| parse_json(text.as_bytes(), limits).map_err(|error| error.to_string());
+        assert!(of(r#"{"a": {"b": [1, 2, 3], "c": 0}}"#).is_ok(), "7 values and 3 keys");
+        assert_eq!(of("[1,2,3,4,5,6,7]"), Err("it has more than 7 values; send less at a time".to_owned()));
+        let keys = of(r#"{"a": 1, "b": 1, "c": {"d": 1}}"#);
+        assert_eq!(keys, Err("it has more than 3 keys; send less at a time".to_owned()));
+    }
+
+    /// JSON has no such numbers, so that the field must be named by the reader of MessagePack.
+    #[test]
+    fn numbers_that_are_not_finite_are_listed_by_field() {
+        let body = std::collections::BTreeMap::from([
+            ("a", vec![1.0, f64::NAN]),
+            ("b", vec![2.0]),
+            ("c", vec![f64::NEG_INFINITY, f64::INFINITY]),
+        ]);
+        let parsed = parse_messagepack(&rmp_serde::to_vec(&body).unwrap(), LIMITS).unwrap();
+        assert_eq!(parsed.value, json!({"a": [1.0, null], "b": [2.0], "c": [null, null]}));
+        let errors: Vec<String> = parsed.non_finite.iter().map(ToString::to_string).collect();
+        let expected = ["a.1: must be a finite number, got NaN", "c.0: must be a finite number, got -inf"];
+        assert_eq!(errors[..2], expected);
+        assert_eq!(errors[2], "c.1: must be a finite number, got inf");
+        let many = rmp_serde::to_vec(&vec![f64::NAN; 10_001]).unwrap();
+        assert!(matches!(parse_messagepack(&many, LIMITS), Err(InputError::Malformed(_))));
     }
 }

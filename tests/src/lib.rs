@@ -8,6 +8,7 @@ mod incomplete_post;
 pub mod mock_llm;
 mod polling;
 mod process;
+mod raw_socket;
 mod websocket;
 
 use std::path::PathBuf;
@@ -23,6 +24,7 @@ pub use self::incomplete_post::IncompletePost;
 use self::polling::Polling;
 pub use self::polling::{try_wait_for, wait_for, wait_until};
 pub use self::process::{ServerProcess, native_module, sparring_binary};
+pub use self::raw_socket::{raw_frame, upgrade_raw};
 pub use self::websocket::{Received, TestSocket};
 
 /// Server in this process with its own temporary database.
@@ -109,7 +111,10 @@ impl Server {
 /// Panics if the client cannot be built.
 #[must_use]
 pub fn http_client() -> reqwest::Client {
-    llm::http_client_builder(false).expect("plain HTTP needs nothing").build().expect("a client")
+    llm::http_client_builder(llm::TrustedRoots::None)
+        .expect("plain HTTP needs nothing")
+        .build()
+        .expect("a client")
 }
 
 /// HTTP client of the API, as a trainer uses it.

@@ -106,8 +106,14 @@ impl ServerProcess {
         let stdout = child.stdout.take().expect("stdout is piped");
         BufReader::new(stdout).read_line(&mut line).expect("the server prints its URL");
         let url = line.trim().rsplit(' ').next().expect("a URL").to_owned();
-        assert!(url.starts_with("http://127.0.0.1:"), "{line}");
+        assert!(url.contains("://127.0.0.1:"), "{line}");
         Self { child, url }
+    }
+
+    /// URL of the server.
+    #[must_use]
+    pub fn url(&self) -> &str {
+        &self.url
     }
 
     /// Process id of the server.
@@ -116,10 +122,38 @@ impl ServerProcess {
         self.child.id()
     }
 
+    /// Memory that the server holds, in MiB.
+    ///
+    /// # Panics
+    /// Panics if the process has exited.
+    #[cfg(target_os = "linux")]
+    #[must_use]
+    pub fn resident_mib(&self) -> u64 {
+        self.memory_mib("VmRSS:")
+    }
+
+    /// Largest memory that the server has held so far, in MiB.
+    ///
+    /// # Panics
+    /// Panics if the process has exited.
+    #[cfg(target_os = "linux")]
+    #[must_use]
+    pub fn peak_resident_mib(&self) -> u64 {
+        self.memory_mib("VmHWM:")
+    }
+
+    #[cfg(target_os = "linux")]
+    fn memory_mib(&self, field: &str) -> u64 {
+        let status =
+            std::fs::read_to_string(format!("/proc/{}/status", self.pid())).expect("the server runs");
+        let value = status.lines().find_map(|line| line.strip_prefix(field)).expect("Linux reports memory");
+        value.trim().trim_end_matches(" kB").parse::<u64>().expect("a number") / 1024
+    }
+
     /// Address and port of the server, in the form that `start_at` takes.
     #[must_use]
     pub fn address(&self) -> &str {
-        self.url.strip_prefix("http://").unwrap_or(&self.url)
+        self.url.split_once("://").map_or(&self.url, |(_, address)| address)
     }
 
     /// Creates a client of this server.
@@ -149,11 +183,25 @@ impl ServerProcess {
     }
 
     #[cfg(unix)]
-    fn signal(mut self, name: &str) -> Option<i32> {
+    fn send_signal(&self, name: &str) {
         let mut kill = Command::new("kill");
         let sent = kill.args(["-s", name, &self.child.id().to_string()]).status().expect("kill runs");
         assert!(sent.success(), "the server exited before SIG{name}");
+    }
+
+    #[cfg(unix)]
+    fn signal(mut self, name: &str) -> Option<i32> {
+        self.send_signal(name);
         self.child.wait().expect("the server exits").code()
+    }
+
+    /// Sends SIGHUP.
+    ///
+    /// # Panics
+    /// Panics if the process has already exited.
+    #[cfg(unix)]
+    pub fn hang_up(&self) {
+        self.send_signal("HUP");
     }
 
     /// Kills the process with SIGKILL.

@@ -1,13 +1,13 @@
 //! `--url` and `--db`: the server or the database that a subcommand means.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use futures_util::future::LocalBoxFuture;
 use secrecy::SecretString;
 use store::{DatabaseLock, OpenError};
 
-use super::ApiClient;
+use super::{ApiClient, CaArgs};
 
 /// Starts a service in this process for a database that no server uses. The binary passes it on, because this crate does not
 /// contain the service.
@@ -37,6 +37,8 @@ pub struct ServerArgs {
     /// URL of the server, such as http://127.0.0.1:8700 [default: the server of --db; SPARRING_TOKEN has the token]
     #[arg(long, global = true, value_name = "URL", env = "SPARRING_URL", help_heading = "Server")]
     url: Option<String>,
+    #[command(flatten)]
+    ca: CaArgs,
     /// Path of the database; the command works with its server, or with the file if no server runs
     #[arg(
         long,
@@ -64,7 +66,7 @@ impl Connection {
     /// without a URL.
     pub async fn open(args: &ServerArgs, start: StartService) -> anyhow::Result<Self> {
         if let Some(url) = &args.url {
-            return Ok(Self { api: ApiClient::new(url)?, own: None });
+            return Ok(Self { api: ApiClient::new(url, &args.ca)?, own: None });
         }
         if !args.db.exists() {
             bail!(
@@ -74,22 +76,23 @@ impl Connection {
         }
         match DatabaseLock::acquire(&args.db) {
             Ok(lock) => drop(lock),
-            Err(OpenError::Locked(_)) => return Self::to_server_of(&args.db),
+            Err(OpenError::Locked(_)) => return Self::to_server_of(args),
             Err(error) => return Err(error.into()),
         }
         let StartedService { url, token, service } = start(args.db.clone()).await?;
-        Ok(Self { api: ApiClient::with_token(&url, token)?, own: Some(service) })
+        Ok(Self { api: ApiClient::with_token(&url, &args.ca, token)?, own: Some(service) })
     }
 
     /// Connects to the server that holds the lock of a database.
-    fn to_server_of(db: &Path) -> anyhow::Result<Self> {
+    fn to_server_of(args: &ServerArgs) -> anyhow::Result<Self> {
+        let db = &args.db;
         let url = DatabaseLock::published_url(db).with_context(|| {
             format!(
                 "{} is in use by a program without a URL; set --url to the address of its server",
                 db.display()
             )
         })?;
-        Ok(Self { api: ApiClient::new(&reachable(&url))?, own: None })
+        Ok(Self { api: ApiClient::new(&reachable(&url), &args.ca)?, own: None })
     }
 
     /// Returns true if a server responds, and false for a service of this process.

@@ -2,6 +2,7 @@
 //!
 //! [`connection`] finds the server that the command line means, [`run_list`] finds runs, [`event_stream`] reads events.
 
+mod ca_args;
 mod connection;
 mod event_stream;
 mod run_list;
@@ -16,6 +17,7 @@ use secrecy::{ExposeSecret, SecretString};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+pub use self::ca_args::CaArgs;
 pub use self::connection::{Connection, OwnService, ServerArgs, StartService, StartedService};
 pub use self::event_stream::{EventStream, StreamedEvent};
 pub use self::run_list::{find_run, list_runs};
@@ -42,19 +44,20 @@ impl ApiClient {
     /// Creates a client of the service at a URL, with the token of the environment if there is one.
     ///
     /// # Errors
-    /// Returns an error if the URL is no http(s) URL.
-    pub fn new(url: &str) -> anyhow::Result<Self> {
+    /// Returns an error if the URL is no http(s) URL, or the file of certificate authorities cannot be used.
+    pub fn new(url: &str, ca: &CaArgs) -> anyhow::Result<Self> {
         let token = std::env::var(TOKEN_VARIABLE).ok().filter(|token| !token.trim().is_empty());
-        Self::with_token(url, token.map(|token| token.trim().into()))
+        Self::with_token(url, ca, token.map(|token| token.trim().into()))
     }
 
-    fn with_token(url: &str, token: Option<SecretString>) -> anyhow::Result<Self> {
+    fn with_token(url: &str, ca: &CaArgs, token: Option<SecretString>) -> anyhow::Result<Self> {
         let invalid = || format!("--url: {url:?} must be a URL such as http://127.0.0.1:8700");
         let parsed = Url::parse(url).map_err(|_| anyhow!(invalid()))?;
         if !matches!(parsed.scheme(), "http" | "https") || parsed.host().is_none() {
             bail!(invalid());
         }
-        let builder = llm::http_client_builder(parsed.scheme() == "https").map_err(anyhow::Error::msg)?;
+        let builder =
+            llm::http_client_builder(ca.roots(parsed.scheme() == "https")).map_err(anyhow::Error::msg)?;
         let client = builder.connect_timeout(TIMEOUT).build()?;
         Ok(Self { client, base: url.trim_end_matches('/').to_owned(), token })
     }
@@ -181,7 +184,12 @@ impl ApiClient {
     }
 
     fn unreachable(&self, error: reqwest::Error) -> anyhow::Error {
-        if error.is_connect() {
+        if let Some(reason) = certificate_problem(&error) {
+            anyhow!(
+                "the certificate of the server at {} is not accepted: {reason}; set --ca to its certificate authority, and --url to a name in the certificate",
+                self.base
+            )
+        } else if error.is_connect() {
             anyhow!(
                 "no server responds at {}: start one with `sparring serve`, or set --url to its address",
                 self.base
@@ -216,6 +224,18 @@ impl ApiClient {
             _ if problem.detail.is_empty() => anyhow!("{} ({status})", problem.message_with_field()),
             _ => anyhow!(problem.message_with_field()),
         }
+    }
+}
+
+/// Returns the reason why a TLS handshake failed, if that is the cause of an error.
+fn certificate_problem(error: &(dyn std::error::Error + 'static)) -> Option<String> {
+    if let Some(error) = error.downcast_ref::<rustls::Error>() {
+        return Some(error.to_string());
+    }
+    // An I/O error may hold the error of the TLS library without having it as its source.
+    match error.downcast_ref::<std::io::Error>().and_then(std::io::Error::get_ref) {
+        Some(inner) => certificate_problem(inner),
+        None => certificate_problem(error.source()?),
     }
 }
 
@@ -254,9 +274,12 @@ mod tests {
     #[test]
     fn urls_are_checked() {
         for wrong in ["nonsense", "ftp://host", "127.0.0.1:8700", ""] {
-            let error = format!("{:#}", ApiClient::with_token(wrong, None).unwrap_err());
+            let error = format!("{:#}", ApiClient::with_token(wrong, &CaArgs::default(), None).unwrap_err());
             assert!(error.starts_with("--url: "), "{error}");
         }
-        assert_eq!(ApiClient::with_token("http://h:1/", None).unwrap().url(), "http://h:1");
+        assert_eq!(
+            ApiClient::with_token("http://h:1/", &CaArgs::default(), None).unwrap().url(),
+            "http://h:1"
+        );
     }
 }

@@ -10,7 +10,7 @@ use serde::de::DeserializeOwned;
 
 use super::designs::Designs;
 use super::feed::{Feed, FinishedEpisode};
-use crate::api::ApiClient;
+use crate::api::{ApiClient, CaArgs};
 
 /// Lifetime of a lease in seconds: many times the duration of a batch.
 const TTL_S: u32 = 120;
@@ -27,7 +27,7 @@ pub(super) struct HttpFeed {
 impl HttpFeed {
     /// Creates a run on the service at this URL.
     pub(super) async fn create(service: &str, request: &RunRequest) -> anyhow::Result<Self> {
-        let api = ApiClient::new(service)?;
+        let api = ApiClient::new(service, &CaArgs::default())?;
         let created: RunSummary = api.post("/v1/runs", request).await.context("no run was created")?;
         Ok(Self { api, run: created.id })
     }

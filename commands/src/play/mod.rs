@@ -32,6 +32,7 @@ use self::openenv_task::OpenEnvTask;
 use self::runner::PlannedEpisode;
 use self::session::ServerAddress;
 use self::transcript::{Transcript, TranscriptFormat};
+use super::api::CaArgs;
 use super::interrupt::StopSignal;
 use super::{llm_args, worlds};
 use llm_policy::{ActionCodec, ChatSettings, ObservationFormat};
@@ -56,6 +57,8 @@ pub struct Args {
         default_value = "http://127.0.0.1:8700"
     )]
     env_url: String,
+    #[command(flatten)]
+    ca: CaArgs,
     /// Environment variable with the token of the OpenEnv server; a token itself is never an argument [default: no token]
     #[arg(long, value_name = "VARIABLE")]
     env_token_env: Option<String>,
@@ -244,7 +247,7 @@ async fn play(args: &Args) -> anyhow::Result<ExitCode> {
 
 /// Returns the address of the server, with the token if the arguments name its variable.
 fn server_address(args: &Args) -> anyhow::Result<ServerAddress> {
-    let address = ServerAddress::parse(&args.env_url).context("--env-url")?;
+    let address = ServerAddress::parse(&args.env_url, &args.ca).context("--env-url")?;
     let Some(variable) = &args.env_token_env else { return Ok(address) };
     let Some(token) = llm_args::read_key(&[variable], |name| std::env::var(name))? else {
         bail!("--env-token-env {variable}: the variable is not set or is empty");

@@ -18,6 +18,8 @@ use tokio_tungstenite::{Connector, MaybeTlsStream, WebSocketStream, connect_asyn
 
 use llm_policy::TimeStep;
 
+use crate::api::CaArgs;
+
 /// Largest message in bytes. An observation with 1000 pieces of debris has about 100 000 bytes.
 const MAX_MESSAGE_BYTES: usize = 8 << 20;
 /// Pause between two attempts on a server that has no free session.
@@ -65,8 +67,9 @@ impl ServerAddress {
     /// Parses the address of a server, as `http://127.0.0.1:8700`.
     ///
     /// # Errors
-    /// Returns an error if the text is no http(s) or ws(s) URL, or has a user, password, query or fragment.
-    pub(super) fn parse(text: &str) -> anyhow::Result<Self> {
+    /// Returns an error if the text is no http(s) or ws(s) URL, or has a user, password, query or fragment, or if the file of
+    /// certificate authorities cannot be used.
+    pub(super) fn parse(text: &str, ca: &CaArgs) -> anyhow::Result<Self> {
         let base = Url::parse(text)
             .map_err(|_| anyhow!("{text:?} must be an address such as http://127.0.0.1:8700"))?;
         let secure = match base.scheme() {
@@ -86,7 +89,7 @@ impl ServerAddress {
         let path = format!("{}/ws", socket.path().trim_end_matches('/'));
         socket.set_path(&path);
         let tls = if secure {
-            let config = tls_config(true).map_err(anyhow::Error::msg)?;
+            let config = tls_config(ca.roots(true)).map_err(anyhow::Error::msg)?;
             Connector::Rustls(Arc::new(config))
         } else {
             Connector::Plain
@@ -262,7 +265,8 @@ mod tests {
     #[test]
     fn server_addresses_are_validated() {
         let of = |text: &str| {
-            ServerAddress::parse(text).map(|address| (address.base.to_string(), address.socket.to_string()))
+            ServerAddress::parse(text, &CaArgs::default())
+                .map(|address| (address.base.to_string(), address.socket.to_string()))
         };
         let pair = |a: &str, b: &str| (a.to_owned(), b.to_owned());
         assert_eq!(of("http://h:8000").unwrap(), pair("http://h:8000/", "ws://h:8000/ws"));

@@ -77,7 +77,8 @@ impl OpenAi {
             value.set_sensitive(true);
             headers.insert(AUTHORIZATION, value);
         }
-        let client = tls::http_client_builder(url.scheme() == "https")
+        let roots = if url.scheme() == "https" { tls::TrustedRoots::System } else { tls::TrustedRoots::None };
+        let client = tls::http_client_builder(roots)
             .map_err(fault)?
             .default_headers(headers)
             .connect_timeout(config.connect_timeout)

@@ -56,6 +56,19 @@ fn nan_as_an_integer_is_not_finite() {
     }
 }
 
+/// The number of values is bounded before any of them takes memory. Text in a string is not counted.
+#[test]
+fn text_with_too_many_values_is_rejected() {
+    let list = |count: usize| format!("[{}0]", "0,".repeat(count - 1));
+    assert!(parse_python_json(&list(99_000)).is_ok());
+    let error_of = |text: &str| parse_python_json(text).unwrap_err().to_string();
+    assert_eq!(error_of(&list(200_000)), "it has more than 100000 values; send less at a time");
+    assert_eq!(error_of(&"[".repeat(200_000)), "it has more than 100000 values; send less at a time");
+    let object = format!("{{{}", r#""a":0,"#.repeat(60_000));
+    assert_eq!(error_of(&object), "it has more than 20000 keys; send less at a time");
+    assert!(parse_python_json(&format!(r#"["{}"]"#, r#"\",["#.repeat(100_000))).is_ok());
+}
+
 #[test]
 fn single_precision_rejects_what_overflows_it() {
     assert_eq!(parse_single(&json!(f32::MAX)), Ok(f64::from(f32::MAX)));

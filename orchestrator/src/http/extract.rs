@@ -1,18 +1,22 @@
 //! Extractors that reject invalid requests with problem details that name the field.
 
-use axum::extract::rejection::{BytesRejection, PathRejection};
+use axum::extract::rejection::PathRejection;
 use axum::extract::{FromRequest, FromRequestParts, Request};
 use axum::http::request::Parts;
-use axum::http::{StatusCode, header};
+use axum::http::{HeaderMap, StatusCode, header};
 use env_core::text::shorten;
 use serde::de::DeserializeOwned;
 
 use super::problem::Problem;
-use crate::limits::constants::BODY_TIMEOUT;
-use strict_input::{FieldError, InputError};
+use crate::limits::constants::{
+    BODY_TIMEOUT, BULK_INPUT_LIMITS, MAX_BODY_BYTES, MAX_ORDINARY_BODY_BYTES, ORDINARY_INPUT_LIMITS,
+};
+use strict_input::{FieldError, InputError, InputLimits, MessagePackValue};
 
 /// Longest text of a client that an error repeats, in characters.
 const MAX_REPEATED_CHARS: usize = 300;
+/// Mark that some programs write before UTF-8 text.
+pub(super) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// Format of a request body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,38 +56,106 @@ impl BodyFormat {
     }
 }
 
+/// Size class of the request bodies of an operation. Routes of bulk bodies have it as an extension of their requests.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum BodyClass {
+    /// Settings, scenarios, and the actions of one episode.
+    Ordinary,
+    /// Results and columns of many episodes.
+    Bulk,
+}
+
+impl BodyClass {
+    /// Largest body in bytes.
+    const fn max_bytes(self) -> usize {
+        match self {
+            Self::Ordinary => MAX_ORDINARY_BODY_BYTES,
+            Self::Bulk => MAX_BODY_BYTES,
+        }
+    }
+
+    /// Largest content of a body.
+    const fn input_limits(self) -> InputLimits {
+        match self {
+            Self::Ordinary => ORDINARY_INPUT_LIMITS,
+            Self::Bulk => BULK_INPUT_LIMITS,
+        }
+    }
+}
+
 /// Request body in its format.
 pub(super) struct EncodedBody {
     pub(super) format: BodyFormat,
     pub(super) bytes: axum::body::Bytes,
+    pub(super) class: BodyClass,
+}
+
+/// Body as a value, with the errors of its numbers that are not finite. These are null in the value.
+pub(super) struct ParsedBody {
+    pub(super) value: serde_json::Value,
+    pub(super) non_finite: Vec<FieldError>,
 }
 
 impl<S: Send + Sync> FromRequest<S> for EncodedBody {
     type Rejection = Problem;
 
-    async fn from_request(request: Request, state: &S) -> Result<Self, Problem> {
+    async fn from_request(request: Request, _: &S) -> Result<Self, Problem> {
         let format = BodyFormat::from_request(&request)?;
-        check_encoding(&request)?;
-        let body = tokio::time::timeout(BODY_TIMEOUT, axum::body::Bytes::from_request(request, state)).await;
-        let body = body.map_err(|_| {
+        check_encoding(request.headers()).map_err(|detail| {
+            Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "encoded_body", detail).at("Content-Encoding")
+        })?;
+        let class = request.extensions().get().copied().unwrap_or(BodyClass::Ordinary);
+        let read = axum::body::to_bytes(request.into_body(), class.max_bytes());
+        let body = tokio::time::timeout(BODY_TIMEOUT, read).await.map_err(|_| {
             let detail =
                 "The body was not received within 20 s; send it without pauses, or in smaller requests.";
             Problem::new(StatusCode::REQUEST_TIMEOUT, "body_timeout", detail)
         })?;
-        Ok(Self { format, bytes: body.map_err(body_problem)? })
+        let bytes = body.map_err(|error| body_problem(&error, class))?;
+        Ok(Self { format, bytes: without_byte_order_mark(bytes, format), class })
     }
 }
 
-/// Rejects a compressed body, which would otherwise fail as JSON that cannot be parsed.
-fn check_encoding(request: &Request) -> Result<(), Problem> {
-    let encoding = request.headers().get(header::CONTENT_ENCODING).and_then(|value| value.to_str().ok());
+impl EncodedBody {
+    /// Parses the body within the limits of its class.
+    pub(super) fn parse(self) -> Result<ParsedBody, Problem> {
+        let Self { format, bytes, class } = self;
+        let parsed = match format {
+            BodyFormat::Json => strict_input::parse_json(&bytes, class.input_limits())
+                .map(|value| ParsedBody { value, non_finite: Vec::new() }),
+            BodyFormat::MessagePack => strict_input::parse_messagepack(&bytes, class.input_limits())
+                .map(|MessagePackValue { value, non_finite }| ParsedBody { value, non_finite }),
+        };
+        parsed.map_err(|error| match error {
+            InputError::DuplicateKey(error) => invalid(error),
+            InputError::Malformed(reason) => Problem::malformed(format, &reason),
+            InputError::TooLarge(reason) => Problem::too_large(format!("The body is too large: {reason}.")),
+        })
+    }
+}
+
+/// Removes the byte order mark that some programs write before JSON.
+fn without_byte_order_mark(bytes: axum::body::Bytes, format: BodyFormat) -> axum::body::Bytes {
+    if format == BodyFormat::Json && bytes.starts_with(BYTE_ORDER_MARK) {
+        bytes.slice(BYTE_ORDER_MARK.len()..)
+    } else {
+        bytes
+    }
+}
+
+/// Rejects a body in an encoding that the server does not decode, which would otherwise fail as JSON that cannot be parsed. A
+/// middleware has decoded gzip before.
+///
+/// # Errors
+/// Returns the sentence for the client.
+pub(super) fn check_encoding(headers: &HeaderMap) -> Result<(), String> {
+    let encoding =
+        headers.get(header::CONTENT_ENCODING).map(|value| String::from_utf8_lossy(value.as_bytes()));
     match encoding.filter(|encoding| !encoding.eq_ignore_ascii_case("identity")) {
         None => Ok(()),
         Some(encoding) => {
-            let encoding = shorten(encoding, MAX_REPEATED_CHARS);
-            let detail = format!("The body must not be compressed, got the encoding {encoding}.");
-            Err(Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "encoded_body", detail)
-                .at("Content-Encoding"))
+            let encoding = shorten(&encoding, MAX_REPEATED_CHARS);
+            Err(format!("The body has the encoding {encoding}; send it as gzip or without an encoding."))
         }
     }
 }
@@ -101,16 +173,12 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Json<T> {
 
 impl<T: DeserializeOwned> Json<T> {
     /// Parses a body that was received.
-    pub(super) fn parse(EncodedBody { format, bytes }: EncodedBody) -> Result<Self, Problem> {
-        let value = match format {
-            BodyFormat::Json => strict_input::parse_json(&bytes),
-            BodyFormat::MessagePack => strict_input::parse_messagepack(&bytes),
-        };
-        let value = value.map_err(|error| match error {
-            InputError::DuplicateKey(error) => invalid(error),
-            InputError::Malformed(reason) => Problem::malformed(format, &reason),
-        })?;
-        parse_value(value).map(Self)
+    fn parse(body: EncodedBody) -> Result<Self, Problem> {
+        let ParsedBody { value, non_finite } = body.parse()?;
+        match non_finite.into_iter().next() {
+            Some(error) => Err(invalid(error)),
+            None => parse_value(value).map(Self),
+        }
     }
 }
 
@@ -145,12 +213,13 @@ fn invalid(error: FieldError) -> Problem {
     Problem::invalid(field, error.reason)
 }
 
-fn body_problem(rejection: BytesRejection) -> Problem {
-    let status = axum::response::IntoResponse::into_response(rejection).status();
-    if status == StatusCode::PAYLOAD_TOO_LARGE {
-        Problem::too_large()
+fn body_problem(error: &axum::Error, class: BodyClass) -> Problem {
+    let source = std::error::Error::source(error);
+    if source.is_some_and(|source| source.is::<http_body_util::LengthLimitError>()) {
+        Problem::body_too_large(class.max_bytes())
     } else {
-        Problem::new(StatusCode::BAD_REQUEST, "unreadable_body", "The body could not be read to its end.")
+        let detail = "The body could not be read to its end; send all of it, as its headers describe it.";
+        Problem::new(StatusCode::BAD_REQUEST, "unreadable_body", detail)
     }
 }
 
@@ -214,17 +283,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn compressed_bodies_are_rejected() {
-        let check = |encoding: &str| {
-            let request = Request::builder().header(header::CONTENT_ENCODING, encoding);
-            check_encoding(&request.body(axum::body::Body::empty()).expect("a request"))
+    fn unknown_encodings_are_rejected() {
+        let check = |encoding: &'static str| {
+            check_encoding(&HeaderMap::from_iter([(
+                header::CONTENT_ENCODING,
+                encoding.parse().expect("a value"),
+            )]))
         };
-        assert!(check("identity").is_ok());
-        let problem = check("gzip").expect_err("a problem");
-        assert_eq!(problem.status(), StatusCode::UNSUPPORTED_MEDIA_TYPE);
-        assert_eq!(
-            problem.message(),
-            "Content-Encoding: The body must not be compressed, got the encoding gzip."
-        );
+        assert_eq!(check_encoding(&HeaderMap::new()), Ok(()));
+        assert_eq!(check("identity"), Ok(()));
+        let sentence = "The body has the encoding br; send it as gzip or without an encoding.";
+        assert_eq!(check("br"), Err(sentence.to_owned()));
     }
 }

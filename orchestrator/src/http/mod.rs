@@ -11,6 +11,7 @@ mod connections;
 mod content_negotiation;
 mod counted_stream;
 mod dashboard;
+mod date_header;
 mod extract;
 mod filters;
 mod health;
@@ -24,19 +25,22 @@ mod paging;
 mod path_ids;
 mod problem;
 mod readiness;
+mod request_head;
 mod run_reader;
 mod socket;
 pub mod state;
+mod tls;
 mod v1;
 
 use std::sync::Arc;
 
 use axum::Router;
 use axum::extract::Request;
-use axum::http::{HeaderValue, StatusCode, Version, header};
+use axum::http::{HeaderName, HeaderValue, StatusCode, Version, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::decompression::RequestDecompressionLayer;
 use tower_http::request_id::{MakeRequestUuid, PropagateRequestIdLayer, SetRequestIdLayer};
 use tower_http::trace::TraceLayer;
 use utoipa::OpenApi;
@@ -50,6 +54,7 @@ pub use self::openenv::EpisodeBoards;
 pub use self::problem::Problem;
 pub use self::readiness::ReadinessProbe;
 use self::state::AppState;
+pub use self::tls::{ServerTls, TlsError, TlsFiles};
 use crate::limits::constants::{LONG_POLL_EXTRA_TIMEOUT, MAX_BODY_BYTES, REQUEST_TIMEOUT};
 use crate::tokens::redact;
 
@@ -123,21 +128,28 @@ pub fn router(app: AppState, access_control: Arc<AccessControl>, surface: ApiSur
             .for_each(|tags| tags.retain(|tag| visible_tags.contains(&tag.name.as_str())));
     }
     let routes = if surface == ApiSurface::Whole { routes.merge(dashboard::routes()) } else { routes };
-    routes
+    let clock = app.clock.clone();
+    let routes = routes
         .merge(SwaggerUi::new("/docs").url("/openapi.json", document))
         .fallback(no_such_route)
         .method_not_allowed_fallback(no_such_method)
+        .layer(RequestDecompressionLayer::new().gzip(true).pass_through_unaccepted(true))
         .layer(CatchPanicLayer::custom(panicked))
         .layer(axum::middleware::from_fn_with_state(access_control, access::middleware::authorize))
-        .layer(axum::extract::DefaultBodyLimit::max(MAX_BODY_BYTES))
         .layer(axum::middleware::from_fn(limit_request))
+        .layer(axum::middleware::from_fn(request_head::check_host))
         .layer(axum::middleware::from_fn(content_negotiation::convert_response))
         .layer(axum::middleware::from_fn(add_security_headers))
         .layer(axum::middleware::from_fn(metrics::record_requests))
         .layer(PropagateRequestIdLayer::x_request_id())
         .layer(TraceLayer::new_for_http().make_span_with(request_span).on_failure(()))
         .layer(SetRequestIdLayer::x_request_id(MakeRequestUuid))
-        .with_state(app)
+        .with_state(app);
+    // The path of a request must be final before it selects a route.
+    Router::new()
+        .fallback_service(routes)
+        .layer(axum::middleware::from_fn(request_head::remove_trailing_slash))
+        .layer(axum::middleware::from_fn_with_state(clock, date_header::set_date))
 }
 
 /// Rejects bodies by their declared length before reading them, and applies the request timeout.
@@ -150,7 +162,7 @@ async fn limit_request(request: Request, next: Next) -> Response {
         ["/trajectories", "/trajectories/claim"].iter().any(|end| request.uri().path().ends_with(end));
     let timeout = if is_long_poll { REQUEST_TIMEOUT + LONG_POLL_EXTRA_TIMEOUT } else { REQUEST_TIMEOUT };
     let response = if too_large {
-        Problem::too_large().into_response()
+        Problem::body_too_large(MAX_BODY_BYTES).into_response()
     } else {
         let response = tokio::time::timeout(timeout, next.run(request)).await;
         response.unwrap_or_else(|_| Problem::timed_out().into_response())
@@ -166,7 +178,8 @@ fn close_connection(mut response: Response) -> Response {
     response
 }
 
-/// Adds the security headers: no content sniffing, framing, referrers, foreign resources, or caching of `/v1`.
+/// Adds the security headers: no content sniffing, framing, referrers, foreign resources, or caching of `/v1`. Proxies must
+/// neither buffer nor compress event streams, since both delay events.
 async fn add_security_headers(request: Request, next: Next) -> Response {
     let path = request.uri().path();
     let policy = if path.starts_with("/docs") {
@@ -181,6 +194,11 @@ async fn add_security_headers(request: Request, next: Next) -> Response {
     headers.insert(header::REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
     // The dashboard sets a policy of its own.
     headers.entry(header::CONTENT_SECURITY_POLICY).or_insert(HeaderValue::from_static(policy));
+    let content_type = headers.get(header::CONTENT_TYPE).map(HeaderValue::as_bytes);
+    if content_type.is_some_and(|name| name.starts_with(b"text/event-stream")) {
+        headers.insert(HeaderName::from_static("x-accel-buffering"), HeaderValue::from_static("no"));
+        headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store, no-transform"));
+    }
     if is_private {
         headers.entry(header::CACHE_CONTROL).or_insert(HeaderValue::from_static("no-store"));
     }

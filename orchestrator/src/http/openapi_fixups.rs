@@ -29,7 +29,7 @@ const RESPONSE_DESCRIPTIONS: [(&str, &str); 17] = [
     ("409", "The request conflicts with the state of the resource."),
     ("410", "The resource is no longer kept."),
     ("413", "The body is too large."),
-    ("415", "The body is neither JSON nor MessagePack, or it is compressed."),
+    ("415", "The body is neither JSON nor MessagePack, or it has an encoding other than gzip."),
     ("422", "A field is invalid; the problem names it."),
     ("426", "The request must be an upgrade to a WebSocket."),
     ("429", "A limit of the server is reached; retry after `Retry-After`."),

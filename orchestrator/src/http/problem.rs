@@ -91,9 +91,14 @@ impl Problem {
         Self::new(StatusCode::UNPROCESSABLE_ENTITY, "invalid", detail).at(field)
     }
 
+    /// Returns the problem of a body of more than `max_bytes`.
+    pub(super) fn body_too_large(max_bytes: usize) -> Self {
+        let mib = max_bytes >> 20;
+        Self::too_large(format!("The body must have at most {mib} MiB; send it in smaller requests."))
+    }
+
     /// Returns the problem of a body that is too large.
-    pub(super) fn too_large() -> Self {
-        let detail = "The body must have at most 16 MiB; send it in smaller requests.";
+    pub(super) fn too_large(detail: impl Into<String>) -> Self {
         Self::new(StatusCode::PAYLOAD_TOO_LARGE, "too_large", detail)
     }
 

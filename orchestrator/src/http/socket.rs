@@ -4,11 +4,11 @@ use std::time::Duration;
 
 use axum::body::Bytes;
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, WebSocketUpgrade, close_code};
+use futures_util::SinkExt;
 
+use crate::limits::constants::{MAX_TEXT_FRAME_BYTES, SEND_TIMEOUT, SEND_TIMEOUT_BYTES};
 use crate::sessions::CloseReason;
 
-/// Largest text frame that is accepted, in bytes.
-const MAX_TEXT_FRAME_BYTES: usize = 4 * 1024 * 1024;
 /// Size of the read buffer in bytes. A step has a few hundred bytes, and every idle session holds a buffer.
 const READ_BUFFER_BYTES: usize = 4 * 1024;
 
@@ -79,20 +79,27 @@ pub(super) async fn run_to_completion<T>(
 }
 
 /// Receives the next frame, without control frames, for at most `idle`.
+///
+/// The library answers pings. It reads on while the write buffer is full, so that the buffer would grow by the pongs of a client
+/// that sends pings and does not read. Each read therefore waits until all pongs are written. The connection closes a client that
+/// reads nothing for [`WRITE_TIMEOUT`](crate::limits::constants::WRITE_TIMEOUT).
 pub(super) async fn receive(socket: &mut WebSocket, idle: Option<Duration>) -> Received {
     let frame = async {
         loop {
+            if socket.flush().await.is_err() {
+                return Received::Gone;
+            }
             match socket.recv().await {
                 Some(Ok(Message::Text(text))) => return Received::Text(text),
                 Some(Ok(Message::Binary(bytes))) => return Received::Binary(bytes),
-                Some(Ok(Message::Ping(_) | Message::Pong(_))) => {} // the library answers pings
-                Some(Err(error)) if is_too_large(&error) => return Received::TooLarge,
-                Some(Ok(Message::Close(frame)))
-                    if frame.as_ref().is_none_or(|frame| frame.code == close_code::NORMAL) =>
-                {
-                    return Received::Left;
+                Some(Ok(Message::Ping(_) | Message::Pong(_))) => {}
+                Some(Ok(Message::Close(frame))) => {
+                    let _ = socket.flush().await; // sends the answer to the close frame
+                    let is_normal = frame.is_none_or(|frame| frame.code == close_code::NORMAL);
+                    return if is_normal { Received::Left } else { Received::Gone };
                 }
-                Some(Ok(Message::Close(_)) | Err(_)) | None => return Received::Gone,
+                Some(Err(error)) => return end_after_error(socket, &error).await,
+                None => return Received::Gone,
             }
         }
     };
@@ -102,10 +109,27 @@ pub(super) async fn receive(socket: &mut WebSocket, idle: Option<Duration>) -> R
     }
 }
 
-/// Time in which a client must read a message of up to [`SEND_TIMEOUT_BYTES`] bytes.
-const SEND_TIMEOUT: Duration = Duration::from_secs(10);
-/// Number of bytes of a message for which the timeout is extended by [`SEND_TIMEOUT`].
-const SEND_TIMEOUT_BYTES: usize = 10 << 20;
+/// Closes a connection whose next frame is invalid, with the code for the error. A frame beyond the size limit is left to the
+/// caller.
+async fn end_after_error(socket: &mut WebSocket, error: &axum::Error) -> Received {
+    use tokio_tungstenite::tungstenite::Error;
+    use tokio_tungstenite::tungstenite::error::ProtocolError::ResetWithoutClosingHandshake;
+    let source = std::error::Error::source(error).and_then(|source| source.downcast_ref::<Error>());
+    let frame = match source {
+        Some(Error::Capacity(_)) => return Received::TooLarge,
+        Some(Error::Protocol(error)) if *error != ResetWithoutClosingHandshake => CloseFrame {
+            code: close_code::PROTOCOL,
+            reason: "the frame violates RFC 6455; use a WebSocket library".into(),
+        },
+        Some(Error::Utf8(_)) => CloseFrame {
+            code: close_code::INVALID,
+            reason: "a text message must be UTF-8; send other bytes in binary messages".into(),
+        },
+        _ => return Received::Gone, // the connection is lost
+    };
+    let _ = tokio::time::timeout(SEND_TIMEOUT, socket.send(Message::Close(Some(frame)))).await;
+    Received::Gone
+}
 
 /// Error of a client that disconnected or does not read.
 pub(super) struct ClientGone;
@@ -126,12 +150,6 @@ pub(super) async fn send_message(socket: &mut WebSocket, message: Message) -> Re
     let timeout = SEND_TIMEOUT + SEND_TIMEOUT * u32::try_from(bytes / SEND_TIMEOUT_BYTES).unwrap_or(0);
     let sent = tokio::time::timeout(timeout, socket.send(message)).await;
     sent.ok().and_then(Result::ok).ok_or(ClientGone)
-}
-
-fn is_too_large(error: &axum::Error) -> bool {
-    use tokio_tungstenite::tungstenite::Error;
-    let source = std::error::Error::source(error).and_then(|source| source.downcast_ref::<Error>());
-    matches!(source, Some(Error::Capacity(_)))
 }
 
 /// Closes the connection as openenv-core does: code 1000, no reason.

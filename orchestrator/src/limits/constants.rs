@@ -3,8 +3,16 @@
 use std::num::NonZeroU32;
 use std::time::Duration;
 
-/// Largest request body in bytes.
+use strict_input::InputLimits;
+
+/// Largest request body of results and columns in bytes.
 pub const MAX_BODY_BYTES: usize = 16 * 1024 * 1024;
+/// Largest request body of all other operations in bytes. Complete scenarios and the actions of one episode are smaller.
+pub const MAX_ORDINARY_BODY_BYTES: usize = 1024 * 1024;
+/// Largest content of a body of results.
+pub const BULK_INPUT_LIMITS: InputLimits = InputLimits { values: 4_000_000, keys: 400_000 };
+/// Largest content of the body of any other operation, and of a message to `/v1/sessions`.
+pub const ORDINARY_INPUT_LIMITS: InputLimits = InputLimits { values: 250_000, keys: 20_000 };
 /// Largest body of an OpenEnv request in bytes. A scenario is the largest valid body, and clients may be anonymous.
 pub const MAX_OPENENV_BODY_BYTES: usize = 1024 * 1024;
 /// Largest body in bytes that is read without a permit of [`BodyLimit`](super::BodyLimit).
@@ -30,6 +38,21 @@ pub const MAX_CONNECTIONS_PER_ADDRESS: usize = MAX_CONNECTIONS / 4 * 3;
 pub const REQUEST_HEAD_TIMEOUT: Duration = Duration::from_secs(75);
 /// Maximum number of bytes that the server reads ahead of a connection.
 pub const MAX_READ_AHEAD_BYTES: usize = 64 * 1024;
+/// Maximum number of TLS handshakes that are open. Further connections are closed.
+pub const MAX_HANDSHAKES: usize = 1024;
+/// Maximum number of open TLS handshakes of one IP address.
+pub const MAX_HANDSHAKES_PER_ADDRESS: usize = MAX_HANDSHAKES / 4 * 3;
+/// Maximum duration of a TLS handshake.
+pub const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(10);
+/// Time after which a connection is closed if its client reads nothing of a response that waits.
+pub const WRITE_TIMEOUT: Duration = Duration::from_secs(30);
+
+/// Largest text message of a WebSocket in bytes. `/v1/sessions` accepts larger ones, since its frames have many environments.
+pub const MAX_TEXT_FRAME_BYTES: usize = 4 * 1024 * 1024;
+/// Time in which a client must read a message of up to [`SEND_TIMEOUT_BYTES`] bytes.
+pub const SEND_TIMEOUT: Duration = Duration::from_secs(10);
+/// Number of bytes of a message for which the timeout is extended by [`SEND_TIMEOUT`].
+pub const SEND_TIMEOUT_BYTES: usize = 10 << 20;
 
 /// Maximum number of event listeners.
 pub const MAX_LISTENERS: usize = 256;
@@ -46,3 +69,72 @@ pub const TOKEN_LOOKUPS_PER_SECOND: NonZeroU32 = NonZeroU32::MIN.saturating_add(
 pub const AUDITED_DENIALS_PER_SECOND: NonZeroU32 = NonZeroU32::MIN.saturating_add(9);
 /// Maximum number of denials per second and IP address that the audit log records.
 pub const AUDITED_DENIALS_PER_SECOND_AND_ADDRESS: NonZeroU32 = NonZeroU32::MIN;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rollouts::feed::MAX_ANSWER_BYTES;
+    use crate::sessions::vector::frame::{MAX_REPLY_BYTES, MAX_REQUEST_BYTES};
+
+    const PAGE: &str = include_str!("../../../docs/reference/limits.md");
+
+    /// Formats a number with spaces between groups of three digits.
+    fn grouped(number: usize) -> String {
+        let digits = number.to_string();
+        let groups = digits.as_bytes().rchunks(3).rev().map(String::from_utf8_lossy);
+        groups.collect::<Vec<_>>().join(" ")
+    }
+
+    fn bytes(count: usize) -> String {
+        if count >= 1 << 20 { format!("{} MiB", count >> 20) } else { format!("{} KiB", count >> 10) }
+    }
+
+    fn content(InputLimits { values, keys }: InputLimits) -> String {
+        format!("{} values, {} keys", grouped(values), grouped(keys))
+    }
+
+    fn seconds(time: Duration) -> String {
+        format!("{} s", time.as_secs())
+    }
+
+    /// Every limit of the page is the constant that its row names.
+    #[test]
+    fn page_of_limits_has_the_values_of_the_constants() {
+        let limits = [
+            ("MAX_CONNECTIONS", grouped(MAX_CONNECTIONS)),
+            ("MAX_CONNECTIONS_PER_ADDRESS", grouped(MAX_CONNECTIONS_PER_ADDRESS)),
+            ("REQUEST_HEAD_TIMEOUT", seconds(REQUEST_HEAD_TIMEOUT)),
+            ("MAX_READ_AHEAD_BYTES", bytes(MAX_READ_AHEAD_BYTES)),
+            ("REQUEST_TIMEOUT", seconds(REQUEST_TIMEOUT)),
+            ("MAX_HANDSHAKES", grouped(MAX_HANDSHAKES)),
+            ("MAX_HANDSHAKES_PER_ADDRESS", grouped(MAX_HANDSHAKES_PER_ADDRESS)),
+            ("HANDSHAKE_TIMEOUT", seconds(HANDSHAKE_TIMEOUT)),
+            ("WRITE_TIMEOUT", seconds(WRITE_TIMEOUT)),
+            ("MAX_BODY_BYTES", bytes(MAX_BODY_BYTES)),
+            ("MAX_ORDINARY_BODY_BYTES", bytes(MAX_ORDINARY_BODY_BYTES)),
+            ("BULK_INPUT_LIMITS", content(BULK_INPUT_LIMITS)),
+            ("ORDINARY_INPUT_LIMITS", content(ORDINARY_INPUT_LIMITS)),
+            ("INPUT_LIMITS", content(openenv_wire::INPUT_LIMITS)),
+            ("MAX_OPENENV_BODY_BYTES", bytes(MAX_OPENENV_BODY_BYTES)),
+            ("MAX_LARGE_BODIES", grouped(MAX_LARGE_BODIES)),
+            ("BODY_TIMEOUT", seconds(BODY_TIMEOUT)),
+            ("MAX_TEXT_FRAME_BYTES", bytes(MAX_TEXT_FRAME_BYTES)),
+            ("MAX_REQUEST_BYTES", bytes(MAX_REQUEST_BYTES)),
+            ("MAX_REPLY_BYTES", bytes(MAX_REPLY_BYTES)),
+            ("SEND_TIMEOUT", seconds(SEND_TIMEOUT)),
+            ("MAX_LISTENERS", grouped(MAX_LISTENERS)),
+            ("MAX_LISTENERS_PER_CLIENT", grouped(MAX_LISTENERS_PER_CLIENT)),
+            ("MAX_VIEWERS", grouped(MAX_VIEWERS)),
+            ("MAX_VIEWERS_PER_CLIENT", grouped(MAX_VIEWERS_PER_CLIENT)),
+            ("MAX_LONG_POLLS", grouped(MAX_LONG_POLLS)),
+            ("MAX_ANSWER_BYTES", bytes(usize::try_from(MAX_ANSWER_BYTES).expect("a size"))),
+        ];
+        for (name, value) in &limits {
+            let row = PAGE.lines().find(|line| line.starts_with('|') && line.contains(&format!("`{name}`")));
+            let cell = row.and_then(|row| row.split('|').nth(2)).map(str::trim);
+            assert_eq!(cell, Some(value.as_str()), "docs/reference/limits.md: {name}");
+        }
+        let rows = PAGE.lines().filter(|line| line.starts_with('|') && line.contains("| `")).count();
+        assert_eq!(rows, limits.len(), "each row of docs/reference/limits.md with a constant is compared");
+    }
+}

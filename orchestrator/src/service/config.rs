@@ -7,6 +7,7 @@ use std::sync::Arc;
 use store::{OpenError, StoreError};
 
 use crate::designs::{BuiltInDesigners, Designers};
+use crate::http::{TlsError, TlsFiles};
 use crate::limits::ClientLimits;
 use crate::retention::archived::ArchivedRetention;
 use crate::rollouts::Endpoint;
@@ -20,6 +21,8 @@ use llm_policy::judging::Judges;
 pub struct Config {
     /// Address to listen on; port 0 selects a free port.
     pub bind: SocketAddr,
+    /// Files of the server's certificate. Without them connections are not encrypted.
+    pub tls: Option<TlsFiles>,
     /// Path of the database file, which is created if it does not exist.
     pub db: PathBuf,
     /// Source of the current time.
@@ -49,6 +52,7 @@ impl Config {
     pub fn local(db: PathBuf) -> Self {
         Self {
             bind: SocketAddr::from(([127, 0, 0, 1], 0)),
+            tls: None,
             db,
             clock: Clock::system(),
             designers: Arc::new(BuiltInDesigners),
@@ -92,6 +96,9 @@ pub enum StartError {
     /// The system cannot start more threads.
     #[error("background threads cannot be started: {0}")]
     Threads(rayon::ThreadPoolBuildError),
+    /// The files of the certificate cannot be used.
+    #[error(transparent)]
+    Tls(#[from] TlsError),
     /// The address cannot be listened on.
     #[error("the server cannot listen on {address}: {}", listen_remedy(*address, reason))]
     Listen {

@@ -22,7 +22,7 @@ use crate::engine::error::ServiceError;
 use crate::engine::signals::WorkerSignals;
 use crate::engine::writer::Writer;
 use crate::http::state::AppState;
-use crate::http::{self, ApiSurface};
+use crate::http::{self, ApiSurface, ServerTls};
 use crate::leases::lease_service::LeaseService;
 use crate::limits::constants::{MAX_LARGE_BODIES, MAX_LISTENERS, MAX_LISTENERS_PER_CLIENT};
 use crate::limits::{BodyLimit, ConcurrencyLimits, LongPollLimit, Quota};
@@ -38,6 +38,7 @@ const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(10);
 #[derive(Debug)]
 pub struct Service {
     address: SocketAddr,
+    tls: Option<Arc<ServerTls>>,
     stopping: Arc<AtomicBool>,
     stop: watch::Sender<bool>,
     sessions: Arc<SessionManager>,
@@ -54,10 +55,11 @@ impl Service {
     /// Opens the database, starts the workers, and listens.
     ///
     /// # Errors
-    /// Returns [`StartError`] if the database cannot be opened, the address cannot be used or needs tokens, or the system has
-    /// no threads left.
+    /// Returns [`StartError`] if the database cannot be opened, the address cannot be used or needs tokens, the certificate cannot
+    /// be used, or the system has no threads left.
     pub async fn start(config: Config) -> Result<Self, StartError> {
         http::install_metrics_recorder();
+        let tls = config.tls.clone().map(ServerTls::load).transpose()?.map(Arc::new);
         let BoundListener { listener, address } = startup::listen(&config).await?;
         let OpenDatabase { lock, surface, connection } = startup::open_database(&config).await?;
         let readers = open_readers(&config.db).await?;
@@ -90,7 +92,7 @@ impl Service {
             process_token: config.process_token.as_ref().map(Token::hash),
         });
         if config.process_token.is_none()
-            && let Err(error) = lock.publish_url(&format!("http://{address}"))
+            && let Err(error) = lock.publish_url(&server_url(address, tls.as_deref()))
         {
             tracing::warn!(%error, "The lock file has no URL: programs on this machine need --url.");
         }
@@ -99,9 +101,10 @@ impl Service {
             tokio::spawn(workers::checkpoint::run(open_maintenance(&config.db).await?, stopped.clone()));
         let state = create_state(config, lease_service, &sessions, &signals, stopped.clone(), &stopping);
         let routes = http::router(state, Arc::new(access_control), surface);
-        let server = tokio::spawn(http::serve(listener, routes, stopped));
+        let server = tokio::spawn(http::serve(listener, routes, tls.clone(), stopped));
         Ok(Self {
             address,
+            tls,
             stopping,
             stop,
             sessions,
@@ -118,7 +121,13 @@ impl Service {
     /// Returns the URL of the server.
     #[must_use]
     pub fn url(&self) -> String {
-        format!("http://{}", self.address)
+        server_url(self.address, self.tls.as_deref())
+    }
+
+    /// Returns the TLS settings, whose files can be read again; `None` if connections are not encrypted.
+    #[must_use]
+    pub fn tls(&self) -> Option<Arc<ServerTls>> {
+        self.tls.clone()
     }
 
     /// Returns the address that the server listens on.
@@ -170,6 +179,12 @@ impl Service {
             tracing::error!(%error, "The writer failed.");
         }
     }
+}
+
+/// Returns the URL of a server at an address.
+fn server_url(address: SocketAddr, tls: Option<&ServerTls>) -> String {
+    let scheme = if tls.is_some() { "https" } else { "http" };
+    format!("{scheme}://{address}")
 }
 
 /// Creates the manager of sessions. A server that shows only OpenEnv's routes has no sessions for runs.

@@ -1,12 +1,16 @@
 //! HTTP requests to the server.
 
 use std::net::IpAddr;
+use std::path::Path;
 use std::time::Duration;
 
 use serde_json::Value;
 use ureq::Agent;
 use ureq::http::{Method, Request, Uri};
+use ureq::tls::{PemItem, RootCerts, TlsConfig, parse_pem};
 
+/// Environment variable with the file of certificate authorities to trust.
+const CA_FILE_VARIABLE: &str = "SPARRING_CA_FILE";
 /// Timeout of one request.
 const TIMEOUT: Duration = Duration::from_secs(60);
 /// Delay before a repeated request if the response has no `Retry-After` header.
@@ -55,11 +59,19 @@ pub(super) enum RequestError {
 }
 
 impl HttpClient {
-    /// Creates a client; a server on this machine is reached without a proxy.
-    pub(super) fn new(url: &str, token: Option<String>) -> Self {
+    /// Creates a client; a server on this machine is reached without a proxy. The variable `SPARRING_CA_FILE` names the
+    /// certificate authorities of a server with TLS.
+    ///
+    /// # Errors
+    /// Returns a message if the file of `SPARRING_CA_FILE` cannot be used.
+    pub(super) fn new(url: &str, token: Option<String>) -> Result<Self, String> {
         let config = Agent::config_builder().http_status_as_error(false).timeout_global(Some(TIMEOUT));
         let config = if is_loopback_url(url) { config.proxy(None) } else { config };
-        Self { agent: config.build().into(), base_url: url.trim_end_matches('/').to_owned(), token }
+        let config = match std::env::var_os(CA_FILE_VARIABLE).filter(|file| !file.is_empty()) {
+            Some(file) => config.tls_config(tls_config(file.as_ref())?),
+            None => config,
+        };
+        Ok(Self { agent: config.build().into(), base_url: url.trim_end_matches('/').to_owned(), token })
     }
 
     /// Address of the server.
@@ -107,6 +119,24 @@ impl HttpClient {
             response => read_response(response),
         }
     }
+}
+
+/// Returns TLS settings that trust only the certificate authorities of a PEM file.
+fn tls_config(file: &Path) -> Result<TlsConfig, String> {
+    let unusable = |reason: &dyn std::fmt::Display| {
+        format!("{CA_FILE_VARIABLE}: the file {} cannot be used: {reason}", file.display())
+    };
+    let pem = std::fs::read(file).map_err(|error| unusable(&error))?;
+    let mut roots = Vec::new();
+    for item in parse_pem(&pem) {
+        if let PemItem::Certificate(certificate) = item.map_err(|error| unusable(&error))? {
+            roots.push(certificate);
+        }
+    }
+    if roots.is_empty() {
+        return Err(unusable(&"it has no certificate in PEM format"));
+    }
+    Ok(TlsConfig::builder().root_certs(RootCerts::new_with_certs(&roots)).build())
 }
 
 /// True if the host of a URL is this machine.

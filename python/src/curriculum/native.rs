@@ -4,6 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use serde_json::json;
 
@@ -48,7 +49,7 @@ impl NativeCurriculum {
         let ttl = Duration::from_secs(u64::from(ttl_s));
         let client = CurriculumClient {
             shared: SharedQueue::default(),
-            http: HttpClient::new(url, token),
+            http: HttpClient::new(url, token).map_err(PyValueError::new_err)?,
             lease_request: LeaseRequest {
                 run,
                 columns,

@@ -3,6 +3,7 @@
 use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use serde_json::Value;
 use ureq::http::Method;
@@ -28,8 +29,9 @@ pub(crate) struct NativeHttpClient(Arc<HttpClient>);
 impl NativeHttpClient {
     #[new]
     #[pyo3(signature = (url, token=None))]
-    fn new(url: &str, token: Option<String>) -> Self {
-        Self(Arc::new(HttpClient::new(url, token)))
+    fn new(url: &str, token: Option<String>) -> PyResult<Self> {
+        let client = HttpClient::new(url, token).map_err(PyValueError::new_err)?;
+        Ok(Self(Arc::new(client)))
     }
 
     /// Sends a request and returns the JSON of the response.

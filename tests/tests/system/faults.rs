@@ -253,3 +253,28 @@ async fn clock_jump_keeps_leases_valid() {
         server.stop_and_check().await;
     }
 }
+
+/// Times of the `Date` headers of many responses, from all threads of the server, in seconds since 1970.
+async fn response_dates(api: &ApiClient) -> Vec<i64> {
+    let date = async || {
+        let response = system_tests::http_client().get(format!("{}/livez", api.base())).send().await.unwrap();
+        let date = response.headers()["date"].to_str().unwrap();
+        jiff::fmt::rfc2822::parse(date).unwrap().timestamp().as_second()
+    };
+    futures_util::future::join_all((0..64).map(|_| date())).await
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn date_header_follows_the_clock() {
+    let server = FaultyServer::start();
+    let api = server.api();
+    for offset_ms in [0, DAY_MS, -DAY_MS, 0] {
+        server.set(Fault::ClockMs, offset_ms);
+        wait_until("all dates follow the clock", async || {
+            let now_s = (clock::Clock::system().now() + offset_ms) / 1000;
+            response_dates(&api).await.iter().all(|date| (date - now_s).abs() <= 5)
+        })
+        .await;
+    }
+    server.stop_and_check().await;
+}

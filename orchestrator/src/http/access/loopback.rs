@@ -12,9 +12,11 @@ use super::super::problem::Problem;
 /// and programs of this machine may use the server.
 pub(super) fn check_loopback(headers: &HeaderMap, uri: &Uri) -> Result<(), Problem> {
     let text = |name| headers.get(name).and_then(|value: &HeaderValue| value.to_str().ok());
-    let host = uri.host().or_else(|| text(header::HOST)).unwrap_or("");
+    let host = uri.host().or_else(|| text(header::HOST));
     let origin = text(header::ORIGIN).map(|origin| origin.split_once("://").map_or(origin, |(_, host)| host));
-    if is_loopback(host) && origin.is_none_or(is_loopback) {
+    // Only HTTP/1.0 has requests without a host. Browsers always name one, and only this machine reaches the server.
+    let has_host = uri.host().is_some() || headers.contains_key(header::HOST);
+    if (!has_host || host.is_some_and(is_loopback)) && origin.is_none_or(is_loopback) {
         return Ok(());
     }
     let detail = "The server has no tokens and accepts only local requests. Send the request to 127.0.0.1 or localhost, from no other \

@@ -7,6 +7,7 @@ use openenv_wire::{LocSegment, ValidationError};
 use serde_json::{Map, Value, json};
 
 use super::error_response::ErrorResponse;
+use crate::http::extract::{BYTE_ORDER_MARK, check_encoding};
 use crate::limits::constants::{BODY_TIMEOUT, MAX_OPENENV_BODY_BYTES};
 
 /// Extractor of a body that is empty or an object.
@@ -47,8 +48,10 @@ impl<S: Send + Sync> FromRequest<S> for Body {
     }
 }
 
-/// Reads a body within its time and size limits.
+/// Reads a body within its time and size limits, without a byte order mark.
 pub(super) async fn read_body(request: Request) -> Result<Vec<u8>, ErrorResponse> {
+    check_encoding(request.headers())
+        .map_err(|detail| ErrorResponse::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, detail))?;
     let read = async {
         let (mut bytes, mut body) = (Vec::new(), request.into_body().into_data_stream());
         while let Some(part) = body.next().await {
@@ -61,6 +64,9 @@ pub(super) async fn read_body(request: Request) -> Result<Vec<u8>, ErrorResponse
                     "The body must have at most 1 MiB.",
                 ));
             }
+        }
+        if bytes.starts_with(BYTE_ORDER_MARK) {
+            bytes.drain(..BYTE_ORDER_MARK.len());
         }
         Ok(bytes)
     };

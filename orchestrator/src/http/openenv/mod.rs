@@ -34,6 +34,24 @@ pub(super) use self::tasks::{built_in_task, known_tasks, task_by_name};
 use super::access::Caller;
 use crate::http::state::AppState;
 
+/// Paths that are served with and without a slash at the end. `/web` is a redirect to `/web/`.
+pub(super) const PATHS: [&str; 14] = [
+    "/health",
+    "/metadata",
+    "/schema",
+    "/manifest.json",
+    "/reset",
+    "/step",
+    "/state",
+    "/mcp",
+    "/ws",
+    "/ws/ui",
+    "/web/metadata",
+    "/web/state",
+    "/web/reset",
+    "/web/step",
+];
+
 /// Returns all routes, which are at the root.
 pub(super) fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new()

@@ -65,7 +65,7 @@ pub(super) fn session_cookie(headers: &HeaderMap) -> Option<String> {
     post, path = "/reset", tag = "openenv", request_body(content = Option<Object>, content_type = "application/json", description = "Optional."),
     responses(
         (status = 200, body = Object), (status = 404, body = Object), (status = 409, body = Object),
-        (status = 408, body = Object), (status = 413, body = Object), (status = 422, body = Object),
+        (status = 408, body = Object), (status = 413, body = Object), (status = 415, body = Object), (status = 422, body = Object),
         (status = 429, body = Object), (status = 503, body = Object)
     )
 )]
@@ -126,7 +126,7 @@ pub(super) async fn begin_episode(
     post, path = "/step", tag = "openenv", request_body(content = Object, content_type = "application/json"),
     responses(
         (status = 200, body = Object), (status = 409, body = Object, description = "No episode is running, or another one than `episode_id`; reset first."),
-        (status = 408, body = Object), (status = 413, body = Object), (status = 422, body = Object),
+        (status = 408, body = Object), (status = 413, body = Object), (status = 415, body = Object), (status = 422, body = Object),
         (status = 429, body = Object), (status = 503, body = Object)
     )
 )]

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use tokio::sync::watch;
 
 use super::super::access::Caller;
-use super::super::socket;
+use super::super::socket::{self, Received};
 use super::error_response::ErrorResponse;
 use super::simulation::web_session_key;
 use crate::http::state::AppState;
@@ -55,9 +55,11 @@ async fn serve(
         }
         tokio::select! {
             changed = board.changed() => if changed.is_err() { return socket::close(socket).await },
-            received = socket.recv() => match received {
-                Some(Ok(axum::extract::ws::Message::Close(_)) | Err(_)) | None => return,
-                Some(Ok(_)) => {} // viewers send no requests; any message repeats the board
+            received = socket::receive(&mut socket, None) => match received {
+                Received::Text(_) | Received::Binary(_) => {} // viewers send no requests; any message repeats the board
+                Received::TooLarge => return socket::close_for_size(socket).await,
+                Received::Idle | Received::Stop(_) => return socket::close(socket).await,
+                Received::Left | Received::Gone => return,
             },
             _ = closing.closed() => return socket::close(socket).await,
         }

@@ -116,7 +116,7 @@ pub(super) async fn claim_columns(
 }
 
 /// Reads the columns of a body and the policy version that it names.
-fn read_columns(EncodedBody { format, bytes }: EncodedBody) -> Result<(Option<u32>, Columns), Problem> {
+fn read_columns(EncodedBody { format, bytes, .. }: EncodedBody) -> Result<(Option<u32>, Columns), Problem> {
     let ColumnsBody { policy_version, score, failed, steps } = parse_columns(format, &bytes)?;
     if let Some(at) = failed.0.iter().position(|failed| *failed > 1) {
         return Err(Problem::invalid(format!("failed.{at}"), "must be 0 or 1"));
@@ -184,7 +184,7 @@ pub(super) async fn get_column_claim(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::http::extract::BodyFormat;
+    use crate::http::extract::{BodyClass, BodyFormat};
 
     #[test]
     fn request_of_the_api_is_read_whole() {
@@ -195,7 +195,7 @@ mod tests {
             steps: vec![7, 8],
         };
         let bytes = serde_json::to_vec(&request).expect("a request has a JSON form").into();
-        let read = read_columns(EncodedBody { format: BodyFormat::Json, bytes });
+        let read = read_columns(EncodedBody { format: BodyFormat::Json, bytes, class: BodyClass::Bulk });
         let (policy_version, columns) = read.map_err(|problem| problem.message()).expect("the body is valid");
         assert_eq!(policy_version, request.policy_version);
         let Columns { scores, failed, steps } = columns;

@@ -37,9 +37,11 @@ mod suites;
 mod tasks;
 mod trajectories;
 
+use axum::Extension;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+use crate::http::extract::BodyClass;
 use crate::http::state::AppState;
 
 pub(super) fn routes() -> OpenApiRouter<AppState> {
@@ -60,8 +62,7 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(leases::begin::begin_groups))
         .routes(routes!(leases::renew::renew_lease))
         .routes(routes!(leases::release::release_lease))
-        .routes(routes!(results::report_results))
-        .routes(routes!(columns::claim_columns, columns::get_column_claim))
+        .merge(bulk_routes())
         .routes(routes!(columns::get_claimed_columns))
         .routes(routes!(events::stream_events))
         .routes(routes!(mastery::get_mastery))
@@ -103,4 +104,12 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(suites::list_suites))
         .routes(routes!(archive_runs::archive_runs))
         .routes(routes!(audit_log::list_audit_log))
+}
+
+/// Routes whose bodies have the results of many episodes.
+fn bulk_routes() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new()
+        .routes(routes!(results::report_results))
+        .routes(routes!(columns::claim_columns, columns::get_column_claim))
+        .layer(Extension(BodyClass::Bulk))
 }

@@ -1,5 +1,7 @@
 //! Reports of finished and failed episodes.
 
+use std::collections::BTreeMap;
+
 use api_types::{
     ActionPrecision, ActionStopReason, EpisodeResult, EpisodeResultStatus, RefusalCode, ResultsRequest,
     ResultsResponse,
@@ -10,10 +12,11 @@ use env_core::StopReason;
 use env_core::log::Precision;
 use serde_json::Value;
 use store::to_json;
+use strict_input::FieldError;
 
 use crate::http::access::Caller;
 use crate::http::blocking::run_blocking;
-use crate::http::extract::{EncodedBody, Json, NoQuery, Path};
+use crate::http::extract::{EncodedBody, NoQuery, ParsedBody, Path, parse_value};
 use crate::http::large_body::{LargeBody, receive_large_body};
 use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
@@ -61,20 +64,45 @@ pub(super) async fn report_results(
 
 /// Reads the episodes of a body and the policy version that it names.
 fn read_report(body: EncodedBody) -> Result<(Option<u32>, Vec<ReportedEpisode>), Problem> {
-    let Json(body) = Json::<ResultsRequest>::parse(body)?;
+    let ParsedBody { value, non_finite } = body.parse()?;
+    let mut invalid_numbers = BTreeMap::new();
+    for error in non_finite {
+        let (index, error) = in_result(error)?;
+        invalid_numbers.entry(index).or_insert(error);
+    }
+    let body: ResultsRequest = parse_value(value)?;
     if body.results.len() > MAX_RESULTS {
         let detail = format!("must have at most {MAX_RESULTS} entries, got {}", body.results.len());
         return Err(Problem::invalid("results", detail));
     }
     let results = body.results.into_iter().enumerate();
-    let episodes = results.map(|(index, value)| read_result(index, value)).collect::<Result<_, _>>()?;
+    let read = |(index, value)| read_result(index, value, invalid_numbers.remove(&index));
+    let episodes = results.map(read).collect::<Result<_, _>>()?;
     Ok((body.policy_version, episodes))
 }
 
+/// Returns the index of the result that has an invalid number, with the error inside that result. A number outside the results
+/// rejects the body.
+fn in_result(error: FieldError) -> Result<(usize, FieldError), Problem> {
+    let inside = error.field.strip_prefix("results.").and_then(|rest| {
+        let (index, field) = rest.split_once('.').unwrap_or((rest, ""));
+        Some((index.parse().ok()?, field.to_owned()))
+    });
+    match inside {
+        Some((index, field)) => Ok((index, FieldError { field, reason: error.reason })),
+        None => Err(Problem::invalid(error.field, error.reason)),
+    }
+}
+
 /// Reads one result. A malformed result is refused on its own if it names its episode; otherwise the whole body is rejected.
-fn read_result(index: usize, value: Value) -> Result<ReportedEpisode, Problem> {
+fn read_result(
+    index: usize,
+    value: Value,
+    invalid_number: Option<FieldError>,
+) -> Result<ReportedEpisode, Problem> {
     let episode = value.get("episode").and_then(Value::as_str).map(str::to_owned);
-    match (strict_input::from_value(value), episode) {
+    let result = invalid_number.map_or_else(|| strict_input::from_value(value), Err);
+    match (result, episode) {
         (Ok(result), _) => reported_episode(result),
         (Err(fault), Some(episode)) => {
             let detail = format!("{}: {}", fault.field, fault.reason);

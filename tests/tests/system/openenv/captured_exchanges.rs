@@ -194,7 +194,11 @@ fn common_state(state: &Value) -> Value {
 }
 
 fn http_client_without_redirects() -> reqwest::Client {
-    llm::http_client_builder(false).unwrap().redirect(reqwest::redirect::Policy::none()).build().unwrap()
+    llm::http_client_builder(llm::TrustedRoots::None)
+        .unwrap()
+        .redirect(reqwest::redirect::Policy::none())
+        .build()
+        .unwrap()
 }
 
 #[tokio::test]

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use orchestrator::service::Config;
 use orchestrator::sessions::SessionLimits;
 use serde_json::json;
-use system_tests::{ApiClient, Received, Server, ServerProcess, wait_until};
+use system_tests::{ApiClient, Received, Server, ServerProcess, upgrade_raw, wait_until};
 
 use super::client::{SessionSocket, VectorSession, frame_header, open_message};
 use super::single::hold_to_the_end;
@@ -63,19 +63,13 @@ async fn idle_session_ends() {
     assert_eq!(reply["code"], "unknown_session");
 }
 
-const UPGRADE_REQUEST: &str = "GET /v1/sessions HTTP/1.1\r\nhost: localhost\r\nconnection: upgrade\r\nupgrade: websocket\r\n\
-                       sec-websocket-version: 13\r\nsec-websocket-key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
-
 /// Opens connections without a session: plain TCP, upgraded, and upgraded with the start of a frame of 15 MiB.
 fn open_half(address: &str, count: usize) -> Vec<TcpStream> {
     let mut all = Vec::new();
     for number in 0..count {
         let Ok(mut stream) = TcpStream::connect(address) else { break };
         if number % 3 > 0 {
-            stream.write_all(UPGRADE_REQUEST.as_bytes()).unwrap();
-            let mut answer = [0; 12];
-            stream.read_exact(&mut answer).unwrap();
-            assert_eq!(&answer, b"HTTP/1.1 101");
+            upgrade_raw(&mut stream, "/v1/sessions");
         }
         if number % 3 == 2 {
             let mut frame = vec![0x82, 0xff];
@@ -86,12 +80,6 @@ fn open_half(address: &str, count: usize) -> Vec<TcpStream> {
         all.push(stream);
     }
     all
-}
-
-fn resident_mib(pid: u32) -> u64 {
-    let status = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap();
-    line.trim().trim_end_matches(" kB").parse::<u64>().unwrap() / 1024
 }
 
 /// Opens a session, holds to the end of its episode, and returns how long both took.
@@ -112,7 +100,7 @@ async fn half_open_sockets_do_not_block_sessions() {
     let count = soft.saturating_sub(400).min(10_000);
     let folder = tempfile::tempdir().unwrap();
     let server = ServerProcess::start(&folder.path().join("db.sqlite3"));
-    let before = resident_mib(server.pid());
+    let before = server.resident_mib();
     let baseline = time_an_episode(&server.api()).await;
     let address = server.api().base().trim_start_matches("http://").to_owned();
     let sockets = tokio::task::spawn_blocking(move || open_half(&address, count)).await.unwrap();
@@ -125,7 +113,7 @@ async fn half_open_sockets_do_not_block_sessions() {
         VectorSession::open(&server.api(), json!({"seed": 1, "vector": {"envs": 64}})).await;
     assert_eq!(vector.step(&vec![0.0; vector.action_len()]).await.sequence, 1);
     assert_eq!(server.api().get("/livez").await.status, 200);
-    let growth_mib = resident_mib(server.pid()).saturating_sub(before);
+    let growth_mib = server.resident_mib().saturating_sub(before);
     // About 30 KiB each: a task, a buffer, the connection's own state.
     assert!(growth_mib < 100 + count as u64 / 10, "the memory grew by {growth_mib} MiB for {count} sockets");
     // Connections that open no session are closed after 10 s; the read waits for that.

@@ -20,7 +20,7 @@ use crate::sessions::ClientIdentity;
     post, path = "/mcp", tag = "openenv", request_body(content = Option<Object>, content_type = "application/json", description = "An empty body is a parse error (-32700)."),
     responses(
         (status = 200, body = Object, description = "JSON-RPC: an error is in the body."),
-        (status = 408, body = Object), (status = 413, body = Object)
+        (status = 408, body = Object), (status = 413, body = Object), (status = 415, body = Object)
     )
 )]
 pub(crate) async fn call_mcp(

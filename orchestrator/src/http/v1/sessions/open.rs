@@ -7,6 +7,7 @@ use serde_json::{Map, Value};
 use super::error_message::ErrorMessage;
 use super::{messages, session_request};
 use crate::http::state::AppState;
+use crate::limits::constants::ORDINARY_INPUT_LIMITS;
 use crate::sessions::vector::frame::FRAME_VERSION;
 use crate::sessions::{ClientIdentity, ResumableSession, ResumeError, SessionAttachment, SingleSession};
 use strict_input::{InputError, from_value, parse_json};
@@ -51,8 +52,9 @@ struct ResumeFields {
 
 /// Parses a message and its common fields.
 pub(super) fn parse_message(text: &str) -> Result<ClientMessage, (Option<u64>, ErrorMessage)> {
-    let message = parse_json(text.as_bytes()).map_err(|error| match error {
+    let message = parse_json(text.as_bytes(), ORDINARY_INPUT_LIMITS).map_err(|error| match error {
         InputError::DuplicateKey(fault) => (None, fault.into()),
+        InputError::TooLarge(why) => (None, ErrorMessage::invalid("message", why)),
         InputError::Malformed(why) => {
             let why: String = why.chars().take(200).collect();
             (

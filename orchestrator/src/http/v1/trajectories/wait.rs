@@ -9,6 +9,9 @@ use tokio::time::Instant;
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
 
+/// Longest time that the server waits for a group. Proxies end requests without a response after 60 s by default.
+const MAX_WAIT: Duration = Duration::from_secs(55);
+
 /// Source of the groups that a request can get.
 pub(super) trait FeedSource {
     /// Groups that are available now.
@@ -36,7 +39,7 @@ impl WaitParams {
     pub(super) fn from_request(limit: Option<u32>, wait_s: Option<u32>) -> Result<Self, Problem> {
         let limit = check_range("limit", limit, 8, 1..=256)?;
         let wait = check_range("wait_s", wait_s, 0, 0..=60)?;
-        Ok(Self { limit, wait: Duration::from_secs(wait.unsigned_abs()) })
+        Ok(Self { limit, wait: MAX_WAIT.min(Duration::from_secs(wait.unsigned_abs())) })
     }
 }
 

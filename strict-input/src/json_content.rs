@@ -1,0 +1,102 @@
+//! Counts the values and keys of JSON text before a parser allocates memory for them.
+
+use super::input_error::{ContentKind, InputError, InputLimits};
+
+/// Content of a JSON text. It is exact for valid JSON; invalid text is left to the parser.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+pub struct JsonContent {
+    /// Number of values and keys.
+    tokens: usize,
+    keys: usize,
+}
+
+impl JsonContent {
+    /// Counts the content of a text in one pass, without memory.
+    #[must_use]
+    pub fn count(text: &[u8]) -> Self {
+        let (mut content, mut at) = (Self::default(), 0);
+        while at < text.len() {
+            let start = at;
+            at += 1;
+            match text[start] {
+                b'"' => {
+                    content.tokens += 1;
+                    at = end_of_string(text, start);
+                }
+                b'{' | b'[' => content.tokens += 1,
+                b':' => content.keys += 1,
+                byte if is_literal(byte) => {
+                    content.tokens += 1;
+                    while text.get(at).is_some_and(|byte| is_literal(*byte)) {
+                        at += 1;
+                    }
+                }
+                _ => {}
+            }
+        }
+        content
+    }
+
+    /// Checks the content against limits.
+    ///
+    /// # Errors
+    /// Returns [`InputError::TooLarge`] if the content exceeds a limit.
+    pub fn check(self, limits: InputLimits) -> Result<(), InputError> {
+        if self.keys > limits.keys {
+            return Err(limits.error(ContentKind::Keys));
+        }
+        let values = self.tokens.saturating_sub(self.keys);
+        if values > limits.values { Err(limits.error(ContentKind::Values)) } else { Ok(()) }
+    }
+}
+
+/// Returns the offset after the JSON string that begins at `quote`, or the end of the text if it is unterminated.
+#[must_use]
+pub fn end_of_string(text: &[u8], quote: usize) -> usize {
+    let mut at = quote + 1;
+    while at < text.len() && text[at] != b'"' {
+        at += if text[at] == b'\\' { 2 } else { 1 };
+    }
+    text.len().min(at + 1)
+}
+
+/// Returns true for the bytes of numbers, `true`, `false` and `null`.
+const fn is_literal(byte: u8) -> bool {
+    byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'+' | b'.')
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use serde_json::Value;
+
+    use super::*;
+    use crate::tests::any_json;
+
+    fn count(value: &Value) -> JsonContent {
+        let mut content = JsonContent { tokens: 1, keys: 0 };
+        let mut add = |inner: &Value, keys: usize| {
+            let inner = count(inner);
+            content.tokens += inner.tokens + keys;
+            content.keys += inner.keys + keys;
+        };
+        match value {
+            Value::Array(items) => items.iter().for_each(|item| add(item, 0)),
+            Value::Object(fields) => fields.values().for_each(|value| add(value, 1)),
+            _ => {}
+        }
+        content
+    }
+
+    proptest! {
+        #[test]
+        fn content_is_counted_exactly(value in any_json()) {
+            prop_assert_eq!(JsonContent::count(value.to_string().as_bytes()), count(&value));
+        }
+
+        #[test]
+        fn arbitrary_text_never_panics(text: Vec<u8>) {
+            let _ = JsonContent::count(&text);
+        }
+    }
+}

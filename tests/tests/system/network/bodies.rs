@@ -1,0 +1,111 @@
+//! Bodies in unusual forms: compressed, with a byte order mark, and with numbers that JSON does not have.
+
+use std::io::Write;
+
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use serde_json::{Value, json};
+use system_tests::{ApiClient, ServerProcess, http_client};
+
+fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+    encoder.write_all(bytes).unwrap();
+    encoder.finish().unwrap()
+}
+
+/// Posts an encoded JSON body, and returns the status with the body of the response.
+async fn post(api: &ApiClient, path: &str, encoding: &str, body: Vec<u8>) -> (u16, String) {
+    let request = http_client().post(format!("{}{path}", api.base()));
+    let request = request.header("content-type", "application/json").header("content-encoding", encoding);
+    let response = request.body(body).send().await.unwrap();
+    (response.status().as_u16(), response.text().await.unwrap())
+}
+
+#[tokio::test]
+async fn gzip_bodies_are_read_within_the_limits() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = ServerProcess::start(&folder.path().join("db.sqlite3"));
+    let api = server.api();
+    let created = post(&api, "/v1/runs", "gzip", gzip(br#"{"id": "run"}"#)).await;
+    assert_eq!(created.0, 201, "{}", created.1);
+    let reset = post(&api, "/reset", "gzip", gzip(br#"{"seed": 1}"#)).await;
+    assert_eq!(reset.0, 200, "{}", reset.1);
+    let results = "/v1/runs/run/results";
+    let empty = post(&api, results, "gzip", gzip(br#"{"results": []}"#)).await;
+    assert_eq!(empty.0, 200, "{}", empty.1);
+    // A body that is small in the network and large in memory.
+    let bomb = gzip(&vec![b' '; 64 << 20]);
+    assert!(bomb.len() < 1 << 20);
+    for (path, limit) in
+        [("/v1/runs", "at most 1 MiB"), (results, "at most 16 MiB"), ("/reset", "at most 1 MiB")]
+    {
+        let (status, text) = post(&api, path, "gzip", bomb.clone()).await;
+        assert_eq!(status, 413, "{path}: {text}");
+        assert!(text.contains(limit), "{path}: {text}");
+    }
+    let mut cut = gzip(br#"{"id": "other"}"#);
+    cut.truncate(cut.len() - 9);
+    for broken in [cut, b"{}".to_vec()] {
+        let (status, text) = post(&api, "/v1/runs", "gzip", broken).await;
+        assert_eq!(status, 400, "{text}");
+        assert!(text.contains("could not be read to its end"), "{text}");
+    }
+    for path in ["/v1/runs", "/reset", "/mcp"] {
+        let (status, text) = post(&api, path, "br", b"{}".to_vec()).await;
+        assert_eq!(status, 415, "{path}: {text}");
+        assert!(
+            text.contains("The body has the encoding br; send it as gzip or without an encoding."),
+            "{text}"
+        );
+    }
+}
+
+#[tokio::test]
+async fn byte_order_mark_is_ignored() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = ServerProcess::start(&folder.path().join("db.sqlite3"));
+    let api = server.api();
+    let json = "application/json";
+    let _ = api.request("POST", "/v1/runs", json, "\u{feff}{\"id\": \"run\"}").await.expect(201);
+    let _ = api.request("POST", "/v1/runs/run/results", json, "\u{feff}{\"results\": []}").await.expect(200);
+    let _ = api.request("POST", "/reset", json, "\u{feff}{\"seed\": 1}").await.expect(200);
+    let list = "\u{feff}{\"jsonrpc\": \"2.0\", \"id\": 1, \"method\": \"tools/list\"}";
+    assert!(api.request("POST", "/mcp", json, list).await.expect(200)["result"].is_object());
+}
+
+/// Number in place of which a test writes NaN: `serde_json` has no such number.
+const PLACEHOLDER: f64 = 1.25e77;
+
+/// Encodes a body as MessagePack, with NaN in place of [`PLACEHOLDER`].
+fn with_nan(body: &Value) -> Vec<u8> {
+    let mut bytes = rmp_serde::to_vec(body).unwrap();
+    let at = bytes.windows(8).position(|window| window == PLACEHOLDER.to_be_bytes()).unwrap();
+    bytes[at..at + 8].copy_from_slice(&f64::NAN.to_be_bytes());
+    bytes
+}
+
+#[tokio::test]
+async fn nan_in_messagepack_refuses_one_result_by_field() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = ServerProcess::start(&folder.path().join("db.sqlite3"));
+    let api = server.api();
+    let run = json!({"id": "run", "tasks": ["kessler/survival"], "design": {"designer": "off"}});
+    let _ = api.post("/v1/runs", run).await.expect(201);
+    let mut results = api.lease("run", json!({"groups": 3})).await.results("hold");
+    results[1]["actions"]["steps"][0] = json!([[0, PLACEHOLDER, 0.0]]);
+    let body = with_nan(&json!({"results": results}));
+    let msgpack = "application/msgpack";
+    let report = api.request("POST", "/v1/runs/run/results", msgpack, body).await.expect(200);
+    let statuses: Vec<&Value> = report["results"].as_array().unwrap().iter().map(|r| &r["status"]).collect();
+    assert_eq!(statuses, ["counted", "refused", "counted"], "{report}");
+    let refused = report["results"][1].to_string();
+    assert!(refused.contains("actions.steps.0.0.1: must be a finite number, got NaN"), "{refused}");
+    // A number outside the results has no item that could be refused.
+    let body = with_nan(&json!({"results": [], "policy_version": PLACEHOLDER}));
+    let problem = api.request("POST", "/v1/runs/run/results", msgpack, body).await.expect(422);
+    assert_eq!(problem["field"], "policy_version", "{problem}");
+    let body = with_nan(&json!({"contested_share": PLACEHOLDER}));
+    let problem = api.request("POST", "/v1/runs", msgpack, body).await.expect(422);
+    assert_eq!(problem["detail"], "must be a finite number, got NaN");
+    assert_eq!(problem["field"], "contested_share");
+}
