@@ -3,6 +3,7 @@
 
 #![cfg(target_os = "linux")]
 
+mod full_disk;
 mod locked;
 
 use std::os::unix::fs::FileExt;
