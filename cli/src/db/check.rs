@@ -34,9 +34,9 @@ pub(super) struct Args {
 const SCORE_TOLERANCE: f64 = 0.0;
 
 pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
-    let damaged = || OpenError::Damaged(db.display().to_string()).to_string();
+    let damaged = || OpenError::damaged(db).to_string();
     let open_readers = match open_readers(db).await {
-        Err(error) if matches!(error.downcast_ref(), Some(OpenError::Damaged(_))) => {
+        Err(error) if matches!(error.downcast_ref(), Some(OpenError::Damaged { .. })) => {
             output::print(&damaged())?;
             return Ok(ExitCode::FAILURE);
         }

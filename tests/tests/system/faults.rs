@@ -3,6 +3,7 @@
 
 #![cfg(target_os = "linux")]
 
+mod damage;
 mod full_disk;
 mod locked;
 
