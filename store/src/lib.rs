@@ -43,6 +43,7 @@ pub mod leases;
 pub mod listed_episodes;
 pub mod llm_spend;
 mod lock;
+pub mod logged_episodes;
 pub mod name_set;
 mod open;
 mod open_error;
