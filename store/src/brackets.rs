@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use env_core::{ActionLog, Bracket, EpisodeOutcome};
 use serde::{Deserialize, Serialize};
-use sqlx::{QueryBuilder, SqliteConnection, query};
+use sqlx::{QueryBuilder, SqliteConnection, query_as};
 
 use super::pack::{pack, unpack};
 use super::{MAX_ROWS, StoreError, hex_list, to_json};
@@ -93,24 +93,54 @@ pub async fn newest_of<T: AsRef<[u8]>>(
     scenarios: &[T],
 ) -> Result<HashMap<Vec<u8>, Bracket>, StoreError> {
     let scenarios = hex_list(scenarios)?;
-    let rows = query!(
+    let rows = query_as!(
+        BracketRow,
         "SELECT scenario, planner_version, body, reference_plan FROM brackets
          WHERE scenario IN (SELECT unhex(value) FROM json_each(?)) ORDER BY scenario, planner_version",
         scenarios
     )
     .fetch_all(conn)
     .await?;
-    let brackets = rows.into_iter().map(|row| {
-        let body: BracketBody = serde_json::from_slice(&unpack("a bracket", &row.body)?)
+    // Rows are in order of the planner: the last of a scenario, the newest, stays.
+    rows.into_iter().map(|row| Ok((row.scenario.clone(), row.decode()?))).collect()
+}
+
+/// Reads the bracket of a scenario by one version of the planner.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails, and [`StoreError::Corrupt`] if the bracket cannot be decoded.
+pub async fn by_planner(
+    conn: &mut SqliteConnection,
+    scenario: &[u8],
+    planner_version: i64,
+) -> Result<Option<Bracket>, StoreError> {
+    let row = query_as!(
+        BracketRow,
+        "SELECT scenario, planner_version, body, reference_plan FROM brackets WHERE scenario = ? AND planner_version = ?",
+        scenario,
+        planner_version
+    );
+    row.fetch_optional(conn).await?.map(BracketRow::decode).transpose()
+}
+
+/// Row of the `brackets` table.
+struct BracketRow {
+    scenario: Vec<u8>,
+    planner_version: i64,
+    body: Vec<u8>,
+    reference_plan: Vec<u8>,
+}
+
+impl BracketRow {
+    fn decode(self) -> Result<Bracket, StoreError> {
+        let body: BracketBody = serde_json::from_slice(&unpack("a bracket", &self.body)?)
             .map_err(|error| StoreError::corrupt("a bracket", error))?;
-        let bracket = Bracket {
-            planner_version: super::to_u32(row.planner_version),
+        Ok(Bracket {
+            planner_version: super::to_u32(self.planner_version),
             panel: body.panel.into_iter().map(Into::into).collect(),
             floor: body.floor,
             reference: body.reference.into(),
-            reference_plan: ActionLog::decode(&unpack("a reference plan", &row.reference_plan)?)?,
-        };
-        Ok((row.scenario, bracket))
-    });
-    brackets.collect() // rows are in order of the planner: the last of a scenario, the newest, stays
+            reference_plan: ActionLog::decode(&unpack("a reference plan", &self.reference_plan)?)?,
+        })
+    }
 }

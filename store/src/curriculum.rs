@@ -99,6 +99,32 @@ pub async fn events(
     .await?)
 }
 
+/// Sequence numbers of the events that are stored of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct EventRange {
+    /// Sequence number of the first event; `None` if there is no event.
+    pub first: Option<i64>,
+    /// Sequence number of the last event; `None` if there is no event.
+    pub last: Option<i64>,
+    /// Number of events that are stored.
+    pub count: i64,
+}
+
+/// Reads the range of the stored events of a run.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn event_range(conn: &mut SqliteConnection, run: &str) -> Result<EventRange, StoreError> {
+    Ok(sqlx::query_as!(
+        EventRange,
+        r#"SELECT min(seq) AS "first: i64", max(seq) AS "last: i64", count(*) AS "count!: i64"
+           FROM curriculum_events WHERE run = ?"#,
+        run
+    )
+    .fetch_one(conn)
+    .await?)
+}
+
 /// Stores a snapshot, and deletes all but the two newest of the run.
 ///
 /// # Errors
@@ -141,6 +167,20 @@ pub async fn newest_snapshot(
         run
     )
     .fetch_optional(conn)
+    .await?)
+}
+
+/// Reads the snapshots of a run, oldest first.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn snapshots(conn: &mut SqliteConnection, run: &str) -> Result<Vec<CurriculumRecord>, StoreError> {
+    Ok(sqlx::query_as!(
+        CurriculumRecord,
+        "SELECT seq, body FROM curriculum_snapshots WHERE run = ? ORDER BY seq",
+        run
+    )
+    .fetch_all(conn)
     .await?)
 }
 

@@ -23,7 +23,7 @@ pub enum StoreError {
     },
 }
 
-/// Why an intact database cannot be used for now.
+/// Why the database cannot be used for now, or at all.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Outage {
     /// The disk is full.
@@ -37,11 +37,16 @@ pub enum Outage {
         "the disk failed, or the file or its folder cannot be accessed; the server's log has the system error"
     )]
     Disk,
-    /// The file was removed or replaced: writes would be lost.
+    /// A file of the database was removed or replaced: writes would be lost.
     #[error(
-        "the file of the database, or its .lock file, was removed or replaced while the server ran; stop the server, restore the file, and start it again"
+        "the file of the database, or its -wal, -shm or .lock file, was removed or replaced while the server ran; stop the server, restore the file, and start it again"
     )]
     Gone,
+    /// The content of the file or of its write-ahead log is damaged. It does not recover by itself.
+    #[error(
+        "the file of the database or its write-ahead log is damaged; stop the server, restore the newest backup, and start it again"
+    )]
+    Damaged,
 }
 
 impl StoreError {
@@ -55,11 +60,10 @@ impl StoreError {
         }
     }
 
-    /// True if the file itself is damaged: its pages are malformed, or it is not a database.
+    /// True if the file itself is damaged: its pages are malformed or missing, or it is not a database.
     #[must_use]
     pub fn is_damage(&self) -> bool {
-        let is_damage = |code| matches!(code, ResultCode::CORRUPT | ResultCode::NOT_A_DATABASE);
-        matches!(self, Self::Database(error) if ResultCode::of(error).is_some_and(is_damage))
+        self.outage() == Some(Outage::Damaged)
     }
 
     /// The error for a stored value that cannot be decoded.
@@ -96,7 +100,11 @@ impl From<LogError> for StoreError {
 
 impl Outage {
     fn of(error: &sqlx::Error) -> Option<Self> {
+        if extended_code(error)? == IO_SHORT_READ {
+            return Some(Self::Damaged);
+        }
         match ResultCode::of(error)? {
+            ResultCode::CORRUPT | ResultCode::NOT_A_DATABASE => Some(Self::Damaged),
             ResultCode::FULL => Some(Self::Full),
             ResultCode::BUSY | ResultCode::LOCKED => Some(Self::Locked),
             ResultCode::READ_ONLY | ResultCode::IO | ResultCode::CANNOT_OPEN => Some(Self::Disk),
@@ -121,7 +129,14 @@ impl ResultCode {
 
     /// The code of an error that SQLite reported. It is the low byte of the extended code.
     pub(super) fn of(error: &sqlx::Error) -> Option<Self> {
-        let code = error.as_database_error()?.code()?.parse::<i32>().ok()?;
-        Some(Self(code & 0xff))
+        Some(Self(extended_code(error)? & 0xff))
     }
+}
+
+/// Extended code for a file that ends before a page that it must have.
+const IO_SHORT_READ: i32 = 522;
+
+/// Extended result code of an error that SQLite reported.
+fn extended_code(error: &sqlx::Error) -> Option<i32> {
+    error.as_database_error()?.code()?.parse().ok()
 }

@@ -5,7 +5,7 @@ use sqlx::{SqliteConnection, query};
 
 use super::StoreError;
 use super::columns::ClaimState;
-use super::keys::EpisodeKey;
+use super::ids::{EpisodeId, LeaseId};
 use super::runs::RunStatus;
 use crate::Millis;
 
@@ -104,60 +104,77 @@ pub async fn runs(conn: &mut SqliteConnection) -> Result<Vec<RunSize>, StoreErro
     .await?)
 }
 
-/// Checks the file with SQLite's own checks. Returns the findings as sentences.
+/// Checks the pages of the file with SQLite's own check. Returns the findings as sentences.
 ///
 /// # Errors
-/// Returns [`StoreError::Database`] if a check fails.
-pub async fn check_file(conn: &mut SqliteConnection) -> Result<Vec<String>, StoreError> {
-    let mut found: Vec<String> =
-        sqlx::query_scalar("PRAGMA integrity_check(20)").fetch_all(&mut *conn).await?;
+/// Returns [`StoreError::Database`] if the check fails.
+pub async fn check_pages(conn: &mut SqliteConnection) -> Result<Vec<String>, StoreError> {
+    let mut found: Vec<String> = sqlx::query_scalar("PRAGMA integrity_check(20)").fetch_all(conn).await?;
     found.retain(|line| line != "ok");
+    Ok(found)
+}
+
+/// Checks that every reference leads to a row. Returns the findings as sentences.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the check fails.
+pub async fn check_references(conn: &mut SqliteConnection) -> Result<Vec<String>, StoreError> {
     let dangling: Vec<(String, Option<i64>, String)> =
         sqlx::query_as("SELECT \"table\", rowid, parent FROM pragma_foreign_key_check LIMIT ?")
             .bind(MAX_FINDINGS)
             .fetch_all(conn)
             .await?;
-    found.extend(dangling.into_iter().map(|(table, row, parent)| {
+    let found = dangling.into_iter().map(|(table, row, parent)| {
         let row = row.map_or_else(String::new, |row| format!(" {row}"));
         format!("row{row} of {table} refers to a missing row of {parent}")
-    }));
-    Ok(found)
+    });
+    Ok(found.collect())
 }
 
-/// Checks that rows that are stored whole agree with each other, except those of runs that are being deleted. Returns the findings as sentences.
+/// Finds episodes that have an outcome but no actions, except those of runs that are being deleted. Returns sentences.
 ///
 /// # Errors
-/// Returns [`StoreError::Database`] if a query fails.
-pub async fn check_rows(conn: &mut SqliteConnection) -> Result<Vec<String>, StoreError> {
-    let mut found = Vec::new();
-    let logs = query!(
-        r#"SELECT e.lease AS "lease!", e.number AS "number!" FROM episodes e
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn check_logs(conn: &mut SqliteConnection) -> Result<Vec<String>, StoreError> {
+    let rows = query!(
+        r#"SELECT e.lease AS "lease!", e.number AS "number!", l.id_suffix FROM episodes e
            JOIN leases l ON l.id = e.lease JOIN runs r ON r.id = l.run AND r.deleted_at IS NULL
            WHERE e.outcome IS NOT NULL
                  AND NOT EXISTS (SELECT 1 FROM action_logs a WHERE a.lease = e.lease AND a.number = e.number)
            LIMIT 20"#
     );
-    for row in logs.fetch_all(&mut *conn).await? {
-        found.push(format!("episode {} of lease {} has an outcome but no actions", row.number, row.lease));
-    }
-    let groups = query!(
-        r#"SELECT g.lease AS "lease!", g.number AS "number!", g.finished AS "finished!",
-                  (SELECT count(*) FROM episodes e WHERE e.lease = g.lease AND e.state = 'finished'
-                       AND e.number >= g.number * l.group_size AND e.number < (g.number + 1) * l.group_size)
-                      AS "there!: i64"
+    let rows = rows.fetch_all(conn).await?;
+    let found = rows.into_iter().map(|row| {
+        let lease = LeaseId { number: row.lease, suffix: row.id_suffix };
+        format!("{} has an outcome but no actions", EpisodeId { lease, index: row.number })
+    });
+    Ok(found.collect())
+}
+
+/// Finds groups whose counts differ from their episodes, except those of runs that are being deleted. Returns sentences.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn check_groups(conn: &mut SqliteConnection) -> Result<Vec<String>, StoreError> {
+    let rows = query!(
+        r#"SELECT g.lease AS "lease!", g.number AS "number!", g.finished, g.successes, count(e.number) AS "episodes!: i64",
+                  coalesce(sum(e.success), 0) AS "successful!: i64"
            FROM groups g JOIN leases l ON l.id = g.lease JOIN runs r ON r.id = l.run AND r.deleted_at IS NULL
-           WHERE l.form = 'groups' AND l.is_compacted = 0 AND g.finished <> (
-               SELECT count(*) FROM episodes e WHERE e.lease = g.lease AND e.state = 'finished'
-                   AND e.number >= g.number * l.group_size AND e.number < (g.number + 1) * l.group_size)
+           LEFT JOIN episodes e ON e.lease = g.lease AND e.state = 'finished'
+                AND e.number >= g.number * l.group_size AND e.number < (g.number + 1) * l.group_size
+           WHERE l.form = 'groups' AND l.is_compacted = 0
+           GROUP BY g.lease, g.number
+           HAVING g.finished <> count(e.number) OR g.successes <> coalesce(sum(e.success), 0)
            LIMIT 20"#
     );
-    for row in groups.fetch_all(conn).await? {
-        found.push(format!(
-            "group {} of lease {} counts {} finished episodes but has {}",
-            row.number, row.lease, row.finished, row.there
-        ));
-    }
-    Ok(found)
+    let rows = rows.fetch_all(conn).await?;
+    let found = rows.into_iter().map(|row| {
+        format!(
+            "group {} of lease {} counts {} finished episodes but has {}, and counts {} successes but has {}",
+            row.number, row.lease, row.finished, row.episodes, row.successes, row.successful
+        )
+    });
+    Ok(found.collect())
 }
 
 /// A value that is stored twice: as a counter, and as the rows that it counts.
@@ -169,27 +186,44 @@ pub struct CountedTwice<T> {
     pub rows: T,
 }
 
+/// Numbers of finished episodes and of those that succeeded.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct FinishedEpisodes {
+    /// Number of finished episodes.
+    pub episodes: i64,
+    /// Number of finished episodes that succeeded.
+    pub successes: i64,
+}
+
 /// Counts the finished episodes of a run, by the task counters and by the rows. Compacted episodes are not among the rows.
 ///
 /// # Errors
-/// Returns [`StoreError::Database`] if the query fails.
+/// Returns [`StoreError::Database`] if a query fails.
 pub async fn finished_episodes(
     conn: &mut SqliteConnection,
     run: &str,
-) -> Result<CountedTwice<i64>, StoreError> {
-    let row = query!(
-        r#"SELECT (SELECT coalesce(sum(episodes), 0) FROM task_counters WHERE run = ?1) AS "summed!: i64",
-                  (SELECT count(*) FROM leases l JOIN episodes e ON e.lease = l.id
-                   JOIN groups g ON g.lease = l.id AND g.number = e.number / l.group_size
-                   WHERE l.run = ?1 AND e.state = 'finished' AND (g.proposal IS NOT NULL OR g.layout IS NOT NULL)
-                         AND (l.form = 'groups' OR l.is_compacted = 1 OR EXISTS (
-                             SELECT 1 FROM column_claims c WHERE c.lease = l.id AND c.state = 'accepted')))
-                      AS "there!: i64""#,
+) -> Result<CountedTwice<FinishedEpisodes>, StoreError> {
+    let counters = sqlx::query_as!(
+        FinishedEpisodes,
+        r#"SELECT coalesce(sum(episodes), 0) AS "episodes!: i64", coalesce(sum(successes), 0) AS "successes!: i64"
+           FROM task_counters WHERE run = ?"#,
+        run
+    )
+    .fetch_one(&mut *conn)
+    .await?;
+    let rows = sqlx::query_as!(
+        FinishedEpisodes,
+        r#"SELECT count(*) AS "episodes!: i64", coalesce(sum(e.success), 0) AS "successes!: i64"
+           FROM leases l JOIN episodes e ON e.lease = l.id
+           JOIN groups g ON g.lease = l.id AND g.number = e.number / l.group_size
+           WHERE l.run = ?1 AND e.state = 'finished' AND (g.proposal IS NOT NULL OR g.layout IS NOT NULL)
+                 AND (l.form = 'groups' OR l.is_compacted = 1 OR EXISTS (
+                     SELECT 1 FROM column_claims c WHERE c.lease = l.id AND c.state = 'accepted'))"#,
         run
     )
     .fetch_one(conn)
     .await?;
-    Ok(CountedTwice { counters: row.summed, rows: row.there })
+    Ok(CountedTwice { counters, rows })
 }
 
 /// Episodes that were claimed in columns, by the state of their claims.
@@ -247,33 +281,4 @@ pub async fn claimed_episodes(
         rows.add(claim.state, claim.episodes, claim.failed);
     }
     Ok(CountedTwice { counters, rows })
-}
-
-/// An episode with the score that is stored of it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ScoredEpisode {
-    /// Key of the episode.
-    pub key: EpisodeKey,
-    /// Score that is stored for it.
-    pub score: f64,
-}
-
-/// Reads a random sample of the episodes that have an action log. Skips runs that are being deleted.
-///
-/// # Errors
-/// Returns [`StoreError::Database`] if the query fails.
-pub async fn sample(conn: &mut SqliteConnection, count: i64) -> Result<Vec<ScoredEpisode>, StoreError> {
-    let rows = query!(
-        r#"SELECT e.lease AS "lease!", e.number AS "number!", e.score AS "score!: f64" FROM episodes e
-           JOIN leases l ON l.id = e.lease JOIN runs r ON r.id = l.run AND r.deleted_at IS NULL
-           WHERE e.outcome IS NOT NULL ORDER BY random() LIMIT ?"#,
-        count
-    )
-    .fetch_all(conn)
-    .await?;
-    let episodes = rows.into_iter().map(|row| ScoredEpisode {
-        key: EpisodeKey { lease: row.lease, number: row.number },
-        score: row.score,
-    });
-    Ok(episodes.collect())
 }

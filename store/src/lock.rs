@@ -4,6 +4,10 @@ use std::io::{Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
+use sqlx::SqliteConnection;
+
+use super::StoreError;
+use super::file_watch::{FileState, FileWatch, identity, identity_at};
 use super::open_error::{OpenError, is_no_file};
 
 /// Lock of a database for this process, held while this value lives.
@@ -17,15 +21,8 @@ pub struct DatabaseLock {
     lock_path: PathBuf,
     /// Path of the database.
     path: PathBuf,
-    /// Identity of the database file that was opened.
-    opened: OnceLock<Option<FileIdentity>>,
-}
-
-/// Identity of a file, independent of its name. Systems other than Unix have none.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct FileIdentity {
-    device: u64,
-    inode: u64,
+    /// Watch on the files of the database that was opened.
+    watch: OnceLock<FileWatch>,
 }
 
 impl DatabaseLock {
@@ -58,7 +55,7 @@ impl DatabaseLock {
             Ok(()) => {
                 // A URL that could not be removed belongs to a server that does not respond.
                 let _ = lock.set_len(0);
-                Ok(Self { lock, lock_path, path, opened: OnceLock::new() })
+                Ok(Self { lock, lock_path, path, watch: OnceLock::new() })
             }
             Err(std::fs::TryLockError::WouldBlock) => Err(OpenError::Locked(name)),
             Err(std::fs::TryLockError::Error(error)) => {
@@ -86,20 +83,46 @@ impl DatabaseLock {
         (!url.trim().is_empty()).then(|| url.trim().to_owned())
     }
 
-    /// Remembers the identity of the database file, for [`DatabaseLock::is_intact`]. Call this after opening the database.
-    pub fn remember_file(&self) {
-        self.opened.get_or_init(|| identity_at(&self.path));
+    /// Path of the database.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
     }
 
-    /// True if the database file and the lock file are still at their paths.
+    /// Starts the watch on the files of the database. Call this after opening the database.
+    pub fn watch_files(&self) {
+        self.watch.get_or_init(|| FileWatch::start(&self.path));
+    }
+
+    /// True if the files of the database and the lock file are still at their paths.
     ///
     /// Writes to a file that was removed are lost when the last process closes it.
     #[must_use]
-    pub fn is_intact(&self) -> bool {
+    pub fn is_in_place(&self) -> bool {
         let locked = self.lock.metadata().ok().as_ref().and_then(identity);
-        let opened = self.opened.get().copied().flatten();
-        locked == identity_at(&self.lock_path)
-            && opened.is_none_or(|opened| identity_at(&self.path) == Some(opened))
+        locked == identity_at(&self.lock_path) && self.watch.get().is_none_or(FileWatch::is_in_place)
+    }
+
+    /// Compares the files of the database with what was seen last.
+    #[must_use]
+    pub fn file_state(&self) -> FileState {
+        match self.watch.get() {
+            _ if !self.is_in_place() => FileState::Replaced,
+            Some(watch) => watch.state(),
+            None => FileState::Intact,
+        }
+    }
+
+    /// Finds out whether files that became shorter still have all pages. The connection must not be in a transaction.
+    ///
+    /// # Errors
+    /// Returns [`StoreError::RolledBack`] with [`Outage::Damaged`](super::Outage::Damaged) if pages are missing, or the error of
+    /// SQLite.
+    pub async fn verify_sizes(&self, conn: &mut SqliteConnection) -> Result<(), StoreError> {
+        match self.watch.get() {
+            Some(watch) => watch.verify_sizes(conn).await,
+            None => Ok(()),
+        }
     }
 }
 
@@ -118,23 +141,6 @@ fn lock_path(path: &Path) -> PathBuf {
     let mut lock_path = path.as_os_str().to_owned();
     lock_path.push(".lock");
     PathBuf::from(lock_path)
-}
-
-fn identity_at(path: &Path) -> Option<FileIdentity> {
-    std::fs::metadata(path).ok().as_ref().and_then(identity)
-}
-
-fn identity(file: &std::fs::Metadata) -> Option<FileIdentity> {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::MetadataExt;
-        Some(FileIdentity { device: file.dev(), inode: file.ino() })
-    }
-    #[cfg(not(unix))]
-    {
-        let _ = file;
-        None
-    }
 }
 
 /// Number of hard links to a file.
@@ -186,21 +192,21 @@ mod tests {
     }
 
     #[test]
-    fn removed_or_replaced_file_is_not_intact() {
+    fn removed_or_replaced_file_is_not_in_place() {
         let folder = tempfile::tempdir().expect("a folder");
         let [db, aside, lock_file] = ["db", "aside", "db.lock"].map(|name| folder.path().join(name));
         std::fs::write(&db, "").expect("a file");
         let lock = DatabaseLock::acquire(&db).expect("the lock is free");
-        lock.remember_file();
-        assert!(lock.is_intact());
+        lock.watch_files();
+        assert!(lock.is_in_place());
         std::fs::rename(&db, &aside).expect("the file exists");
-        assert!(!lock.is_intact());
+        assert!(!lock.is_in_place());
         std::fs::write(&db, "").expect("another file");
-        assert!(!lock.is_intact());
+        assert!(!lock.is_in_place());
         std::fs::rename(&aside, &db).expect("the file exists");
-        assert!(lock.is_intact());
+        assert!(lock.is_in_place());
         std::fs::remove_file(&lock_file).expect("the lock file exists");
-        assert!(!lock.is_intact());
+        assert!(!lock.is_in_place());
     }
 
     #[test]

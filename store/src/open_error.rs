@@ -3,6 +3,9 @@
 use std::io::ErrorKind;
 use std::path::Path;
 
+use clock::rfc3339;
+
+use super::backup_list::{self, Backup};
 use super::error::ResultCode;
 
 /// Why a database cannot be opened, and how to fix it.
@@ -13,9 +16,14 @@ pub enum OpenError {
     NotADatabase(String),
     /// Pages of the database are damaged.
     #[error(
-        "{0} is corrupt: if you just restored it, delete the old {0}-wal and {0}-shm; otherwise restore a backup that `sparring db backup` made"
+        "{path} is corrupt: if you just restored it, delete the old {path}-wal and {path}-shm; otherwise restore a backup that `sparring db backup` made{newest}"
     )]
-    Damaged(String),
+    Damaged {
+        /// Path of the database.
+        path: String,
+        /// Words that name the newest backup; empty if none was found.
+        newest: String,
+    },
     /// The database belongs to another application.
     #[error("{0} is a database of another application: give another path with --db")]
     Foreign(String),
@@ -102,7 +110,7 @@ impl OpenError {
         let path = path.display().to_string();
         match ResultCode::of(error) {
             Some(ResultCode::NOT_A_DATABASE) => Self::NotADatabase(path),
-            Some(ResultCode::CORRUPT) => Self::Damaged(path),
+            Some(ResultCode::CORRUPT) => Self::damaged(Path::new(&path)),
             Some(ResultCode::READ_ONLY) => Self::ReadOnly(path),
             Some(ResultCode::BUSY | ResultCode::LOCKED) => Self::Locked(path),
             Some(ResultCode::CANNOT_OPEN) => Self::cannot_open(path),
@@ -113,6 +121,14 @@ impl OpenError {
 }
 
 impl OpenError {
+    /// The error for a database whose pages are damaged. It names the newest backup.
+    #[must_use]
+    pub fn damaged(path: &Path) -> Self {
+        let newest = backup_list::newest(path)
+            .map(|Backup { path, at }| format!("; the newest is {} of {}", path.display(), rfc3339(at)));
+        Self::Damaged { path: path.display().to_string(), newest: newest.unwrap_or_default() }
+    }
+
     /// The error for a database at this path that SQLite cannot open, without a reason.
     fn cannot_open(path: String) -> Self {
         match std::fs::File::open(&path).map_err(|error| error.kind()) {

@@ -68,6 +68,15 @@ pub struct ProposalScenario {
     pub is_contested: bool,
 }
 
+/// Reads the highest sequence number of the proposals of a run; none if it has no proposal.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn last_seq(conn: &mut SqliteConnection, run: &str) -> Result<Option<i64>, StoreError> {
+    let last = sqlx::query_scalar!(r#"SELECT max(seq) AS "seq: i64" FROM proposals WHERE run = ?"#, run);
+    Ok(last.fetch_one(conn).await?)
+}
+
 /// Adds proposals to the queue of a run.
 ///
 /// # Errors

@@ -15,6 +15,14 @@ pub async fn begin_write(conn: &mut SqliteConnection) -> Result<Transaction<'_, 
     Ok(conn.begin_with("BEGIN IMMEDIATE").await?)
 }
 
+/// Lets statements of this connection fail after 20 ms if another process holds the lock that they need.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn wait_briefly_for_locks(conn: &mut SqliteConnection) -> Result<(), StoreError> {
+    execute(conn, "PRAGMA busy_timeout = 20").await
+}
+
 /// Begins a batch, and its first change.
 ///
 /// # Errors

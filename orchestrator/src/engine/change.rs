@@ -20,12 +20,10 @@ pub trait Change: Send + 'static {
     fn apply(self, tx: &mut WriteTx) -> impl Future<Output = Result<Self::Output, ServiceError>> + Send;
 }
 
-/// A question about runs that the writer has in memory. It writes nothing.
+/// A question about runs that the writer has in memory. It writes nothing, and is answered between two transactions.
 pub trait StateQuery: Send + 'static {
     /// Answer that the caller receives.
     type Output: Send + 'static;
-    /// True if other work is served first.
-    const IS_BULK: bool = false;
 
     /// Reads the answer from the runs in memory, or from the database if needed.
     fn read(self, tx: &mut ReadTx<'_>) -> impl Future<Output = Result<Self::Output, ServiceError>> + Send;

@@ -162,6 +162,11 @@ impl ServiceError {
         Self::NotCommitted { reason: error.to_string(), outage: error.outage() }
     }
 
+    /// The error of a change that waits for something that cannot happen during an outage.
+    pub(crate) fn unavailable(outage: Outage) -> Self {
+        Self::NotCommitted { reason: outage.to_string(), outage: Some(outage) }
+    }
+
     /// True if the same request may succeed a moment later.
     #[must_use]
     pub fn is_temporary(&self) -> bool {

@@ -14,6 +14,7 @@ pub mod run_state;
 pub mod run_tx;
 pub mod shift_deadlines;
 pub mod signals;
+pub mod storage_health;
 pub mod task_history;
 pub mod write_probe;
 pub mod write_tx;

@@ -16,7 +16,7 @@ use clock::Millis;
 use store::curriculum::{self, CurriculumRecord, LevelMoveKind, LevelMoveRow, NewCurriculumEvent};
 use store::groups::GroupRole;
 use store::proposals::{self, NewProposal};
-use store::runs;
+use store::runs::{self, RunRow};
 use store::{StoreError, from_json, to_i64, to_json, to_u64};
 
 /// Curriculum events between two snapshots.
@@ -62,13 +62,7 @@ impl RunState {
         let seed = to_u64(row.seed);
         let mut curriculum = match curriculum::newest_snapshot(conn, run).await? {
             Some(record) => Curriculum::restore(seed, from_json::<Snapshot>("a snapshot", &record.body)?)?,
-            None => {
-                let first = match runs::initial_curriculum(conn, run).await? {
-                    Some(body) => from_json("a run's first settings", &body)?,
-                    None => settings.curriculum.clone(),
-                };
-                Curriculum::new(seed, first)?
-            }
+            None => Curriculum::new(seed, first_settings(conn, &row).await?)?,
         };
         let snapshot_at = curriculum.next_seq();
         loop {
@@ -250,6 +244,17 @@ impl RunState {
     }
 }
 
+/// Settings that the curriculum of a run began with.
+///
+/// # Errors
+/// Returns an error of the store if they cannot be read.
+pub async fn first_settings(conn: &mut SqliteConnection, row: &RunRow) -> Result<Settings, StoreError> {
+    match runs::initial_curriculum(conn, &row.id).await? {
+        Some(body) => from_json("a run's first settings", &body),
+        None => Ok(from_json::<RunSettings>("a run's settings", &row.settings)?.curriculum),
+    }
+}
+
 /// Role of the group that serves a proposal of this role.
 pub(crate) const fn group_role(role: ProposalRole) -> GroupRole {
     match role {
@@ -265,7 +270,8 @@ pub(crate) const fn group_role(role: ProposalRole) -> GroupRole {
 }
 
 /// Direction of a level move as it is stored.
-pub(crate) const fn move_kind(kind: MoveKind) -> LevelMoveKind {
+#[must_use]
+pub const fn move_kind(kind: MoveKind) -> LevelMoveKind {
     match kind {
         MoveKind::Placement => LevelMoveKind::Placement,
         MoveKind::Up => LevelMoveKind::Up,

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use sqlx::SqliteConnection;
 use store::history::HistoryBucket;
-use store::{DatabaseLock, Outage, StoreError};
+use store::{DatabaseLock, FileState, Outage, StoreError};
 
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
@@ -72,6 +72,20 @@ impl WriteTx {
         self.outbox.task_counts(run, task)
     }
 
+    /// Checks that the files of the database are those that were opened, and hold all that was committed. There must be no
+    /// transaction.
+    ///
+    /// # Errors
+    /// Returns [`StoreError::RolledBack`] if a file was removed, replaced or truncated.
+    pub(crate) async fn check_files(&mut self) -> Result<(), StoreError> {
+        let Some(lock) = &self.file_lock else { return Ok(()) };
+        match lock.file_state() {
+            FileState::Intact => Ok(()),
+            FileState::Replaced => Err(StoreError::RolledBack(Outage::Gone)),
+            FileState::Shrunk => lock.verify_sizes(&mut self.conn).await,
+        }
+    }
+
     /// Starts a change at this time.
     pub(crate) fn begin_change(&mut self, now: Millis) {
         self.runs.begin_change();
@@ -89,7 +103,7 @@ impl WriteTx {
     /// # Errors
     /// Returns [`StoreError::RolledBack`] if the database file was removed or replaced, or if a statement fails.
     pub(crate) async fn flush(&mut self) -> Result<(), StoreError> {
-        if self.file_lock.as_ref().is_some_and(|lock| !lock.is_intact()) {
+        if self.file_lock.as_ref().is_some_and(|lock| !lock.is_in_place()) {
             return Err(StoreError::RolledBack(Outage::Gone));
         }
         self.outbox.flush(&mut self.conn, &self.runs, self.now).await

@@ -4,12 +4,17 @@
 //! runs that the failed change touched are evicted from memory and restored from the store when next needed.
 //!
 //! Urgent changes, for which an agent waits (a lease, its renewal), are served before bulk changes (results, critiques, prepared
-//! scenarios): an urgent change waits for the one change that is being applied, and is committed at once.
+//! scenarios): an urgent change waits for the one change that is being applied, and is committed at once. Queries are answered
+//! between two transactions, also while the database is locked or full.
+//!
+//! While an outage lasts (`storage_health`), a batch that cannot begin is refused at once with all changes that wait, and the writer
+//! probes until the database can be written again. A damaged database is not written any more.
 
-use std::future::Future;
-use std::pin::Pin;
+mod inbox;
+mod job;
+
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use sqlx::{Connection, SqliteConnection};
 use store::{DatabaseLock, Outage, StoreError, transactions};
@@ -17,23 +22,31 @@ use tokio::runtime::Handle;
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 
-use crate::engine::change::{Change, ReadTx, StateQuery};
+use self::inbox::{Inbox, Queues, Work};
+use self::job::{ChangeJob, Delivery, Job, JobOutcome, QueryJob, WaitingQuery};
+use crate::engine::change::{Change, StateQuery};
 use crate::engine::error::ServiceError;
 use crate::engine::signals::WorkerSignals;
+use crate::engine::storage_health::StorageHealth;
+use crate::engine::write_probe::WriteProbe;
 use crate::engine::write_tx::WriteTx;
 use crate::metrics;
 use clock::Clock;
 
-/// Capacity of each queue of waiting work.
-const QUEUE_CAPACITY: usize = 1024;
 /// Changes committed together at most.
 const MAX_BATCH: usize = 64;
+/// Longest time that the writer waits for another process's lock. After that the lock is an outage.
+const LOCK_TIMEOUT: Duration = Duration::from_secs(5);
+/// Pause between two attempts to get the lock.
+const LOCK_RETRY_PAUSE: Duration = Duration::from_millis(10);
+/// Time between two write probes while an outage lasts.
+const PROBE_INTERVAL: Duration = Duration::from_millis(500);
 
 /// Handle to the writer. Clones share its queues.
 #[derive(Debug, Clone)]
 pub struct Writer {
-    urgent: JobSender,
-    bulk: JobSender,
+    queues: Queues,
+    health: StorageHealth,
 }
 
 /// Numbers of jobs that wait for the writer.
@@ -54,22 +67,28 @@ impl Writer {
         clock: Clock,
         signals: WorkerSignals,
     ) -> (Self, JoinHandle<()>) {
-        let (urgent, urgent_inbox) = mpsc::channel(QUEUE_CAPACITY);
-        let (bulk, bulk_inbox) = mpsc::channel(QUEUE_CAPACITY);
-        let inbox = Inbox { urgent: urgent_inbox, bulk: bulk_inbox, is_bulk_next: false };
+        let (queues, inbox) = inbox::create();
+        let health = StorageHealth::new(file_lock.as_ref().map(|lock| lock.path().to_owned()));
         let tx = WriteTx::new(conn, clock.now(), file_lock);
+        let serving = WriterLoop { tx, inbox, clock, signals, health: health.clone(), probed_at: None };
         // The writer has a thread of its own: it alternates with SQLite's thread many times for each change, and must not wait in
         // between for a thread that reads a request body.
         let runtime = Handle::current();
-        let task = tokio::task::spawn_blocking(move || runtime.block_on(serve(tx, inbox, clock, signals)));
-        (Self { urgent, bulk }, task)
+        let task = tokio::task::spawn_blocking(move || runtime.block_on(serving.serve()));
+        (Self { queues, health }, task)
     }
 
     /// Returns how many jobs wait.
     #[must_use]
     pub fn queue_lengths(&self) -> QueueLengths {
-        let waiting = |queue: &JobSender| QUEUE_CAPACITY - queue.capacity();
-        QueueLengths { urgent: waiting(&self.urgent), bulk: waiting(&self.bulk) }
+        let Queues { urgent, bulk, .. } = &self.queues;
+        QueueLengths { urgent: inbox::waiting(urgent), bulk: inbox::waiting(bulk) }
+    }
+
+    /// Knowledge of the server about the state of its database.
+    #[must_use]
+    pub const fn health(&self) -> &StorageHealth {
+        &self.health
     }
 
     /// Makes a change and returns its answer after the commit.
@@ -79,218 +98,218 @@ impl Writer {
     /// is full, and [`ServiceError::Stopping`] if the server shuts down.
     pub async fn change<C: Change>(&self, change: C) -> Result<C::Output, ServiceError> {
         let (reply, answer) = oneshot::channel();
-        self.send(C::IS_BULK, Box::new(ChangeJob { change, reply }))?;
+        let queue = if C::IS_BULK { &self.queues.bulk } else { &self.queues.urgent };
+        let job: Box<dyn Job> = Box::new(ChangeJob { change, reply });
+        queue.try_send(job).map_err(|error| queue_error(&error))?;
         answer.await.map_err(|_| ServiceError::Stopping)?
     }
 
-    /// Asks a question about runs in memory.
+    /// Asks a question about runs in memory. The answer does not wait for a lock on the database.
     ///
     /// # Errors
-    /// Returns the same errors as [`Self::change`].
+    /// Returns the error of the query, [`ServiceError::Busy`] if the queue is full, and [`ServiceError::Stopping`] if the server
+    /// shuts down.
     pub async fn query<Q: StateQuery>(&self, query: Q) -> Result<Q::Output, ServiceError> {
         let (reply, answer) = oneshot::channel();
-        self.send(Q::IS_BULK, Box::new(QueryJob { query, reply }))?;
+        let query: Box<dyn WaitingQuery> = Box::new(QueryJob { query, reply });
+        self.queues.queries.try_send(query).map_err(|error| queue_error(&error))?;
         answer.await.map_err(|_| ServiceError::Stopping)?
     }
+}
 
-    fn send(&self, is_bulk: bool, job: Box<dyn Job>) -> Result<(), ServiceError> {
-        let queue = if is_bulk { &self.bulk } else { &self.urgent };
-        queue.try_send(job).map_err(|error| match error {
-            mpsc::error::TrySendError::Full(_) => ServiceError::Busy,
-            mpsc::error::TrySendError::Closed(_) => ServiceError::Stopping,
-        })
+/// The error of work that could not be queued.
+const fn queue_error<T>(error: &mpsc::error::TrySendError<T>) -> ServiceError {
+    match error {
+        mpsc::error::TrySendError::Full(_) => ServiceError::Busy,
+        mpsc::error::TrySendError::Closed(_) => ServiceError::Stopping,
     }
 }
 
-type JobSender = mpsc::Sender<Box<dyn Job>>;
-
-/// Receiving ends of the queues.
-struct Inbox {
-    urgent: mpsc::Receiver<Box<dyn Job>>,
-    bulk: mpsc::Receiver<Box<dyn Job>>,
-    /// True if bulk jobs had to wait: the next batch starts with one.
-    is_bulk_next: bool,
+/// State of the writer's thread.
+struct WriterLoop {
+    tx: WriteTx,
+    inbox: Inbox,
+    clock: Clock,
+    signals: WorkerSignals,
+    health: StorageHealth,
+    /// When the last write probe of an outage ended.
+    probed_at: Option<Instant>,
 }
 
-impl Inbox {
-    /// Waits for the first job of a batch; `None` once every handle is dropped.
-    async fn next(&mut self) -> Option<Box<dyn Job>> {
-        if std::mem::take(&mut self.is_bulk_next)
-            && let Ok(job) = self.bulk.try_recv()
-        {
-            return Some(job);
+impl WriterLoop {
+    async fn serve(mut self) {
+        if let Err(error) = transactions::wait_briefly_for_locks(&mut self.tx.conn).await {
+            tracing::warn!(error = %error, "Queries wait up to 5 s while another process locks the database.");
         }
-        tokio::select! {
-            biased;
-            Some(job) = self.urgent.recv() => {
-                self.is_bulk_next = true;
-                Some(job)
+        loop {
+            let next = self.inbox.next();
+            let work = match self.health.outage() {
+                None => next.await,
+                Some(_) => match tokio::time::timeout(PROBE_INTERVAL, next).await {
+                    Ok(work) => work,
+                    Err(_) => {
+                        self.probe().await;
+                        continue;
+                    }
+                },
+            };
+            match work {
+                None => break,
+                Some(Work::Query(query)) => self.answer(query).await,
+                Some(Work::Batch(first)) => {
+                    let is_committed = self.apply_batch(first).await;
+                    self.answer_queries().await;
+                    if is_committed && self.health.outage().is_some() && self.is_probe_due() {
+                        self.probe().await;
+                    }
+                }
             }
-            Some(job) = self.bulk.recv() => Some(job),
-            else => None,
+        }
+        close(self.tx).await;
+    }
+
+    async fn answer(&mut self, query: Box<dyn WaitingQuery>) {
+        if let Some(outage) = query.answer(&mut self.tx).await {
+            self.health.report_failed_read(outage);
         }
     }
 
-    /// Returns another job for a batch: an urgent one, and a bulk one only while the batch has no urgent job.
-    fn more(&mut self, has_urgent: &mut bool) -> Option<Box<dyn Job>> {
-        if let Ok(job) = self.urgent.try_recv() {
-            *has_urgent = true;
-            return Some(job);
+    async fn answer_queries(&mut self) {
+        for query in self.inbox.take_queries() {
+            self.answer(query).await;
         }
-        if *has_urgent { None } else { self.bulk.try_recv().ok() }
-    }
-}
-
-/// Sends an answer once it is known whether the transaction was committed.
-type Delivery = Box<dyn FnOnce(Result<(), &StoreError>) + Send>;
-type RunningJob<'a> = Pin<Box<dyn Future<Output = JobOutcome> + Send + 'a>>;
-
-/// Outcome of a job before the commit of its batch.
-struct JobOutcome {
-    is_ok: bool,
-    /// Temporary outage of the database that prevented the change from being stored.
-    outage: Option<Outage>,
-    delivery: Delivery,
-}
-
-impl JobOutcome {
-    fn new<T: Send + 'static>(
-        answer: Result<T, ServiceError>,
-        reply: oneshot::Sender<Result<T, ServiceError>>,
-    ) -> Self {
-        let is_ok = answer.is_ok();
-        let outage = answer.as_ref().err().and_then(ServiceError::outage);
-        let delivery: Delivery = Box::new(move |committed| {
-            let answer = committed.map_err(ServiceError::not_committed).and(answer);
-            // The caller may have dropped its end; the answer is then of no use.
-            drop(reply.send(answer));
-        });
-        Self { is_ok, outage, delivery }
-    }
-}
-
-/// A change or a query with the channel of its answer.
-trait Job: Send {
-    fn run<'a>(self: Box<Self>, tx: &'a mut WriteTx) -> RunningJob<'a>;
-    /// Answers with an error because no transaction could be started.
-    fn refuse(self: Box<Self>, error: &StoreError);
-    /// True if other jobs are served first.
-    fn is_bulk(&self) -> bool;
-}
-
-struct ChangeJob<C: Change> {
-    change: C,
-    reply: oneshot::Sender<Result<C::Output, ServiceError>>,
-}
-
-impl<C: Change> Job for ChangeJob<C> {
-    fn run<'a>(self: Box<Self>, tx: &'a mut WriteTx) -> RunningJob<'a> {
-        Box::pin(async move {
-            let answer = self.change.apply(tx).await;
-            let outcome = JobOutcome::new(answer, self.reply);
-            tx.has_outage |= outcome.outage.is_some();
-            outcome
-        })
     }
 
-    fn refuse(self: Box<Self>, error: &StoreError) {
-        drop(self.reply.send(Err(ServiceError::not_committed(error))));
+    fn is_probe_due(&self) -> bool {
+        self.probed_at.is_none_or(|at| at.elapsed() >= PROBE_INTERVAL)
     }
 
-    fn is_bulk(&self) -> bool {
-        C::IS_BULK
-    }
-}
-
-struct QueryJob<Q: StateQuery> {
-    query: Q,
-    reply: oneshot::Sender<Result<Q::Output, ServiceError>>,
-}
-
-impl<Q: StateQuery> Job for QueryJob<Q> {
-    fn run<'a>(self: Box<Self>, tx: &'a mut WriteTx) -> RunningJob<'a> {
-        Box::pin(async move {
-            let answer = self.query.read(&mut ReadTx::new(tx)).await;
-            JobOutcome::new(answer, self.reply)
-        })
+    /// Ends the outage if a write probe can be committed.
+    async fn probe(&mut self) {
+        let (reply, mut answer) = oneshot::channel();
+        self.apply_batch(Box::new(ChangeJob { change: WriteProbe, reply })).await;
+        if matches!(answer.try_recv(), Ok(Ok(()))) {
+            self.health.recover();
+        }
+        self.probed_at = Some(Instant::now());
     }
 
-    fn refuse(self: Box<Self>, error: &StoreError) {
-        drop(self.reply.send(Err(ServiceError::not_committed(error))));
-    }
-
-    fn is_bulk(&self) -> bool {
-        Q::IS_BULK
-    }
-}
-
-async fn serve(mut tx: WriteTx, mut inbox: Inbox, clock: Clock, signals: WorkerSignals) {
-    while let Some(first) = inbox.next().await {
-        let mut deliveries = Vec::new();
+    /// Applies the first job, and the jobs that wait after it, in one transaction, and answers them. Returns true if it was committed.
+    async fn apply_batch(&mut self, first: Box<dyn Job>) -> bool {
+        if let Some(outage) = self.health.refusal() {
+            self.refuse_all(first, &StoreError::RolledBack(outage));
+            return false;
+        }
         let started_at = Instant::now();
-        let committed = commit_batch(&mut tx, &clock, first, &mut inbox, &mut deliveries).await;
+        if let Err(error) = self.begin().await {
+            metrics::record_commit(1, started_at.elapsed(), false);
+            self.report(&error, "A batch of changes could not begin.");
+            drop(transactions::roll_back_batch(&mut self.tx.conn).await);
+            self.refuse_all(first, &error);
+            return false;
+        }
+        let mut deliveries = Vec::new();
+        let committed = self.commit_batch(first, &mut deliveries).await;
         metrics::record_commit(deliveries.len(), started_at.elapsed(), committed.is_ok());
         if let Err(error) = &committed {
-            tracing::error!(error = %error, "A batch of changes could not be committed and was undone.");
-            drop(transactions::roll_back_batch(&mut tx.conn).await);
-            tx.discard_all();
-            tx.has_outage = true;
-            clock.adopt(-tx.clock_shift); // the shift of the deadlines was rolled back
+            self.report(error, "A batch of changes could not be committed and was undone.");
+            drop(transactions::roll_back_batch(&mut self.tx.conn).await);
+            self.tx.discard_all();
+            self.clock.adopt(-self.tx.clock_shift); // the shift of the deadlines was rolled back
         }
-        tx.clock_shift = 0;
+        self.tx.clock_shift = 0;
         for delivery in deliveries {
             delivery(committed.as_ref().copied());
         }
-        tx.outbox.send_signals(&signals);
+        self.tx.outbox.send_signals(&self.signals);
+        committed.is_ok()
     }
-    close(tx).await;
-}
 
-/// Applies the first job, and the jobs that wait after each one, in one transaction.
-async fn commit_batch(
-    tx: &mut WriteTx,
-    clock: &Clock,
-    first: Box<dyn Job>,
-    inbox: &mut Inbox,
-    deliveries: &mut Vec<Delivery>,
-) -> Result<(), StoreError> {
-    let mut has_urgent = !first.is_bulk();
-    let begun = transactions::begin_batch(&mut tx.conn).await;
-    apply_in_savepoint(tx, clock, begun, first, deliveries).await?;
-    for _ in 1..MAX_BATCH {
-        let Some(job) = inbox.more(&mut has_urgent) else { break };
-        let begun = transactions::begin_next_change(&mut tx.conn).await;
-        apply_in_savepoint(tx, clock, begun, job, deliveries).await?;
+    /// Answers the first job, and all jobs that wait, with an error.
+    fn refuse_all(&mut self, first: Box<dyn Job>, error: &StoreError) {
+        first.refuse(error);
+        for job in self.inbox.take_jobs() {
+            job.refuse(error);
+        }
     }
-    tx.flush().await?;
-    transactions::commit_batch(&mut tx.conn).await
-}
 
-/// Applies one job in a savepoint of its own; refuses it if the savepoint was not `begun`.
-async fn apply_in_savepoint(
-    tx: &mut WriteTx,
-    clock: &Clock,
-    begun: Result<(), StoreError>,
-    job: Box<dyn Job>,
-    deliveries: &mut Vec<Delivery>,
-) -> Result<(), StoreError> {
-    if let Err(error) = begun {
-        job.refuse(&error);
-        return Err(error);
+    /// Records a batch that failed. An outage is logged once, when it begins.
+    fn report(&mut self, error: &StoreError, failure: &'static str) {
+        self.tx.has_outage = true;
+        match error.outage() {
+            Some(outage) => {
+                tracing::debug!(error = %error, "{failure}");
+                self.health.report_failed_change(outage);
+            }
+            None => tracing::error!(error = %error, "{failure}"),
+        }
     }
-    tx.begin_change(clock.now()); // the job may have arrived after the one before it
-    let JobOutcome { is_ok, outage, delivery } = job.run(tx).await;
-    deliveries.push(delivery);
-    if is_ok {
-        tx.keep_change();
-        return Ok(());
+
+    /// Begins the transaction of a batch. Waits for another process's lock, unless the lock is known, and answers queries meanwhile.
+    async fn begin(&mut self) -> Result<(), StoreError> {
+        self.tx.check_files().await?;
+        let is_known = self.health.outage() == Some(Outage::Locked);
+        let deadline = Instant::now() + if is_known { Duration::ZERO } else { LOCK_TIMEOUT };
+        loop {
+            match transactions::begin_batch(&mut self.tx.conn).await {
+                Err(error) if error.outage() == Some(Outage::Locked) && Instant::now() < deadline => {
+                    self.answer_queries().await;
+                    tokio::time::sleep(LOCK_RETRY_PAUSE).await;
+                }
+                begun => return begun,
+            }
+        }
     }
-    // On a full disk SQLite may have rolled back the whole transaction: there is no savepoint to return to.
-    let undone = transactions::undo_change(&mut tx.conn).await;
-    undone.map_err(|error| outage.map_or(error, StoreError::RolledBack))?;
-    tx.discard_change();
-    // A later change of this transaction may restore the evicted runs: it must find their kept events in the store.
-    tx.flush().await
+
+    /// Applies the first job, and the jobs that wait after each one, in the transaction that was begun.
+    async fn commit_batch(
+        &mut self,
+        first: Box<dyn Job>,
+        deliveries: &mut Vec<Delivery>,
+    ) -> Result<(), StoreError> {
+        let mut has_urgent = !first.is_bulk();
+        self.apply_in_savepoint(Ok(()), first, deliveries).await?;
+        for _ in 1..MAX_BATCH {
+            let Some(job) = self.inbox.more(&mut has_urgent) else { break };
+            let begun = transactions::begin_next_change(&mut self.tx.conn).await;
+            self.apply_in_savepoint(begun, job, deliveries).await?;
+        }
+        self.tx.flush().await?;
+        transactions::commit_batch(&mut self.tx.conn).await
+    }
+
+    /// Applies one job in a savepoint of its own; refuses it if the savepoint was not `begun`.
+    async fn apply_in_savepoint(
+        &mut self,
+        begun: Result<(), StoreError>,
+        job: Box<dyn Job>,
+        deliveries: &mut Vec<Delivery>,
+    ) -> Result<(), StoreError> {
+        if let Err(error) = begun {
+            job.refuse(&error);
+            return Err(error);
+        }
+        let tx = &mut self.tx;
+        tx.begin_change(self.clock.now()); // the job may have arrived after the one before it
+        let JobOutcome { is_ok, outage, delivery } = job.run(tx).await;
+        deliveries.push(delivery);
+        if is_ok {
+            tx.keep_change();
+            return Ok(());
+        }
+        if let Some(outage) = outage {
+            self.health.report_failed_change(outage);
+        }
+        if outage == Some(Outage::Damaged) {
+            return Err(StoreError::RolledBack(Outage::Damaged)); // earlier changes of the batch are not acknowledged either
+        }
+        // On a full disk SQLite may have rolled back the whole transaction: there is no savepoint to return to.
+        let undone = transactions::undo_change(&mut tx.conn).await;
+        undone.map_err(|error| outage.map_or(error, StoreError::RolledBack))?;
+        tx.discard_change();
+        // A later change of this transaction may restore the evicted runs: it must find their kept events in the store.
+        tx.flush().await
+    }
 }
 
 /// Stores a snapshot of every run in memory, so that a restart restores them at once, and closes the database.

@@ -1,7 +1,7 @@
 //! `/metrics`: the server's metrics in the Prometheus text format. docs/guides/operations.md describes each metric.
 
 use std::sync::OnceLock;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::header;
@@ -22,6 +22,9 @@ const DURATION_BUCKETS_S: [f64; 14] =
     [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 20.0, 60.0];
 /// Buckets of the number of changes in one commit.
 const BATCH_SIZE_BUCKETS: [f64; 7] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0];
+
+/// Longest time that a request waits for the writer, or for a reader of the database.
+const MAX_WAIT: Duration = Duration::from_millis(500);
 
 /// Recorder of this process; `None` if it could not be installed. Several services in one process, as in tests, share it.
 static RECORDER: OnceLock<Option<PrometheusHandle>> = OnceLock::new();
@@ -67,27 +70,33 @@ async fn get_metrics(State(app): State<AppState>) -> Result<Response, Problem> {
             "No metrics recorder is installed.",
         ));
     };
-    // A failed check is a metric too, so the other metrics follow in any case.
-    metrics::set_writable(app.readiness.check_writable(&app.writer).await.is_ok());
-    for MasteryGauge { run, task, level, mastery } in
-        app.writer.query(MasteryGaugesQuery).await.unwrap_or_default()
-    {
+    // The three parts wait for different things; after a time, what is known is reported.
+    let (writable, gauges, _) = tokio::join!(
+        app.readiness.check_writable(&app.writer),
+        tokio::time::timeout(MAX_WAIT, app.writer.query(MasteryGaugesQuery)),
+        tokio::time::timeout(MAX_WAIT, read_database_gauges(&app)),
+    );
+    metrics::set_writable(writable.is_ok()); // a failed check is a metric too
+    for MasteryGauge { run, task, level, mastery } in gauges.into_iter().flatten().flatten() {
         metrics::set_task(&run, &task, level, mastery.as_ref());
     }
     let crate::engine::writer::QueueLengths { urgent, bulk } = app.writer.queue_lengths();
     metrics::set_writer_queue(urgent, bulk);
     metrics::set_sessions(app.sessions.active(), app.sessions.limits().max_sessions);
-    if let Ok(mut conn) = app.readers.acquire().await {
-        if let Ok(waiting) = critiques::waiting_by_run(&mut conn).await {
-            metrics::set_critique_waiting(waiting.values().sum());
-        }
-        if let Ok(pages) = integrity::page_bytes(&mut conn).await {
-            metrics::set_database_bytes(pages.all, pages.free);
-        }
-    }
     handle.run_upkeep();
     Ok(([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], handle.render())
         .into_response())
+}
+
+/// Sets the gauges that are read from the database.
+async fn read_database_gauges(app: &AppState) {
+    let Ok(mut conn) = app.readers.acquire().await else { return };
+    if let Ok(waiting) = critiques::waiting_by_run(&mut conn).await {
+        metrics::set_critique_waiting(waiting.values().sum());
+    }
+    if let Ok(pages) = integrity::page_bytes(&mut conn).await {
+        metrics::set_database_bytes(pages.all, pages.free);
+    }
 }
 
 /// Middleware that records the count and duration of requests.

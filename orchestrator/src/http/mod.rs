@@ -35,10 +35,11 @@ mod v1;
 use std::sync::Arc;
 
 use axum::Router;
-use axum::extract::Request;
-use axum::http::{HeaderName, HeaderValue, StatusCode, Version, header};
+use axum::extract::{Request, State};
+use axum::http::{HeaderName, HeaderValue, Method, StatusCode, Version, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use store::Outage;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::decompression::RequestDecompressionLayer;
 use tower_http::request_id::{MakeRequestUuid, PropagateRequestIdLayer, SetRequestIdLayer};
@@ -52,9 +53,11 @@ pub use self::connections::serve;
 pub use self::metrics::install_recorder as install_metrics_recorder;
 pub use self::openenv::EpisodeBoards;
 pub use self::problem::Problem;
+use self::problem::ReportedOutage;
 pub use self::readiness::ReadinessProbe;
 use self::state::AppState;
 pub use self::tls::{ServerTls, TlsError, TlsFiles};
+use crate::engine::writer::Writer;
 use crate::limits::constants::{LONG_POLL_EXTRA_TIMEOUT, MAX_BODY_BYTES, REQUEST_TIMEOUT};
 use crate::tokens::redact;
 
@@ -136,6 +139,7 @@ pub fn router(app: AppState, access_control: Arc<AccessControl>, surface: ApiSur
         .layer(RequestDecompressionLayer::new().gzip(true).pass_through_unaccepted(true))
         .layer(CatchPanicLayer::custom(panicked))
         .layer(axum::middleware::from_fn_with_state(access_control, access::middleware::authorize))
+        .layer(axum::middleware::from_fn_with_state(app.writer.clone(), report_outage))
         .layer(axum::middleware::from_fn(limit_request))
         .layer(axum::middleware::from_fn(request_head::check_host))
         .layer(axum::middleware::from_fn(content_negotiation::convert_response))
@@ -175,6 +179,18 @@ async fn limit_request(request: Request, next: Next) -> Response {
 /// Announces that the server closes the connection after the response.
 fn close_connection(mut response: Response) -> Response {
     response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
+    response
+}
+
+/// Records an outage that a handler met while it read the database. The writer records those of changes.
+async fn report_outage(State(writer): State<Writer>, request: Request, next: Next) -> Response {
+    let is_read = matches!(*request.method(), Method::GET | Method::HEAD);
+    let response = next.run(request).await;
+    if let Some(ReportedOutage(outage)) = response.extensions().get().copied()
+        && (is_read || outage == Outage::Damaged)
+    {
+        writer.health().report_failed_read(outage);
+    }
     response
 }
 

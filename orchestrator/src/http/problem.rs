@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use api_types::ProblemDetails;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use store::Outage;
 use utoipa::openapi::{RefOr, Schema};
 use utoipa::{PartialSchema, ToSchema};
 
@@ -16,7 +17,13 @@ use crate::limits::{ConcurrencyError, LimitClosed, RateLimited, TooManyLongPolls
 pub struct Problem {
     details: ProblemDetails,
     retry_after_s: Option<u32>,
+    /// Outage of the database that caused the problem.
+    outage: Option<Outage>,
 }
+
+/// Outage behind a response, for the server's knowledge of its database.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ReportedOutage(pub(super) Outage);
 
 /// The body of a problem is its details.
 impl PartialSchema for Problem {
@@ -49,7 +56,7 @@ impl Problem {
             detail: detail.into(),
             field: None,
         };
-        Self { details, retry_after_s: None }
+        Self { details, retry_after_s: None, outage: None }
     }
 
     /// Sets the field that caused the problem.
@@ -131,7 +138,10 @@ impl Problem {
             Self::new(StatusCode::SERVICE_UNAVAILABLE, code, detail).with_retry_after(5)
         };
         match (error.outage(), error) {
-            (Some(outage), _) => unavailable("unavailable", format!("Nothing was changed: {outage}.")),
+            (Some(outage), _) => {
+                let problem = unavailable("unavailable", format!("Nothing was changed: {outage}."));
+                Self { outage: Some(outage), ..problem }
+            }
             (None, ServiceError::NotCommitted { .. }) => {
                 let detail =
                     "The change could not be committed and was undone; the server's log has the reason.";
@@ -150,6 +160,9 @@ impl IntoResponse for Problem {
             (status, [(header::CONTENT_TYPE, "application/problem+json")], body).into_response();
         if status == StatusCode::UNAUTHORIZED {
             response.headers_mut().insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
+        }
+        if let Some(outage) = self.outage {
+            response.extensions_mut().insert(ReportedOutage(outage));
         }
         if let Some(seconds) = self.retry_after_s {
             response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(seconds));

@@ -107,10 +107,19 @@ impl LeaseService {
                 if let Some(granted) = attempt().await? {
                     return Ok(granted);
                 }
+                self.check_storage()?;
                 ready.changed().await.map_err(|_| ServiceError::Stopping)?;
             }
         };
-        tokio::time::timeout(PREPARE_TIMEOUT, waiting).await.unwrap_or(Err(ServiceError::NotReady))
+        match tokio::time::timeout(PREPARE_TIMEOUT, waiting).await {
+            Ok(granted) => granted,
+            Err(_) => self.check_storage().and(Err(ServiceError::NotReady)),
+        }
+    }
+
+    /// Fails during an outage of the database: prepared scenarios cannot be stored.
+    fn check_storage(&self) -> Result<(), ServiceError> {
+        self.writer.health().outage().map_or(Ok(()), |outage| Err(ServiceError::unavailable(outage)))
     }
 
     /// Replays the episodes that an actor reports, and stores their results. The receipts are returned after the commit.

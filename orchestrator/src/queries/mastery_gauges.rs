@@ -26,7 +26,6 @@ pub struct MasteryGaugesQuery;
 
 impl StateQuery for MasteryGaugesQuery {
     type Output = Vec<MasteryGauge>;
-    const IS_BULK: bool = true;
 
     async fn read(self, tx: &mut ReadTx<'_>) -> Result<Vec<MasteryGauge>, ServiceError> {
         let mut gauges = Vec::new();

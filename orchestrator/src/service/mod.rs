@@ -97,8 +97,11 @@ impl Service {
             tracing::warn!(%error, "The lock file has no URL: programs on this machine need --url.");
         }
         let stopping: Arc<AtomicBool> = Arc::default();
-        let checkpointer =
-            tokio::spawn(workers::checkpoint::run(open_maintenance(&config.db).await?, stopped.clone()));
+        let checkpointer = tokio::spawn(workers::checkpoint::run(
+            open_maintenance(&config.db).await?,
+            Arc::clone(&lock),
+            stopped.clone(),
+        ));
         let state = create_state(config, lease_service, &sessions, &signals, stopped.clone(), &stopping);
         let routes = http::router(state, Arc::new(access_control), surface);
         let server = tokio::spawn(http::serve(listener, routes, tls.clone(), stopped));

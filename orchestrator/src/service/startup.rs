@@ -50,7 +50,7 @@ pub(super) async fn listen(config: &Config) -> Result<BoundListener, StartError>
 pub(super) async fn open_database(config: &Config) -> Result<OpenDatabase, StartError> {
     let lock = Arc::new(DatabaseLock::acquire(&config.db)?);
     let mut connection = open_writer(&config.db).await?;
-    lock.remember_file();
+    lock.watch_files();
     let surface = select_surface(config, &mut connection).await?;
     if config.process_token.is_none() {
         recover(config, &mut connection).await?;

@@ -1,8 +1,10 @@
 //! `sparring db`: subcommands next to a running server, and on damaged databases.
 
+mod deep_check;
+
 use std::os::unix::fs::MetadataExt;
 use std::os::unix::process::CommandExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use serde_json::{Value, json};
@@ -103,6 +105,17 @@ fn assert_export_is_complete(file: &Path, out: &Path) {
     assert_output(&db(file, &["export", "--run", "unknown"]), 2, "there is no run \"unknown\"");
 }
 
+/// Copies a database beside itself and damages the copy by SQL.
+async fn damage_copy(file: &Path, damage: &'static str) -> PathBuf {
+    let damaged = file.with_file_name("harmed.sqlite3");
+    let _ = std::fs::remove_file(&damaged);
+    std::fs::copy(file, &damaged).unwrap();
+    let mut conn = SqliteConnectOptions::new().filename(&damaged).connect().await.unwrap();
+    sqlx::raw_sql(damage).execute(&mut conn).await.unwrap();
+    sqlx::Connection::close(conn).await.unwrap();
+    damaged
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn check_finds_each_kind_of_damage() {
     let folder = tempfile::tempdir().unwrap();
@@ -121,12 +134,7 @@ async fn check_finds_each_kind_of_damage() {
         ("UPDATE curriculum_snapshots SET body = '{}'", "cannot be loaded"),
         ("PRAGMA foreign_keys = OFF; DELETE FROM scenarios", "refers to a missing row of scenarios"),
     ] {
-        let damaged = folder.path().join("harmed.sqlite3");
-        let _ = std::fs::remove_file(&damaged);
-        std::fs::copy(&file, &damaged).unwrap();
-        let mut conn = SqliteConnectOptions::new().filename(&damaged).connect().await.unwrap();
-        sqlx::raw_sql(damage).execute(&mut conn).await.unwrap();
-        sqlx::Connection::close(conn).await.unwrap();
+        let damaged = damage_copy(&file, damage).await;
         let checked = db(&damaged, &["check"]);
         assert!(
             checked.status.code() == Some(1) && output_text(&checked).contains(found),

@@ -2,6 +2,11 @@
 //! nothing, and recovers by itself. System calls of a real server are made to fail by fixtures/faults.c.
 
 #![cfg(target_os = "linux")]
+
+mod damage;
+mod full_disk;
+mod locked;
+
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
