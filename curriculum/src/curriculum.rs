@@ -139,8 +139,9 @@ impl Curriculum {
     /// Takes the outcome of a group into account. An outcome with evidence sets the value of its slot; a slot keeps its
     /// first value.
     pub fn observe(&mut self, outcome: &GroupOutcome) -> ObservedOutcome {
+        // A slot keeps its place in the mastery under another strategy: a trainer cannot lose it by a change of the settings.
+        self.mastery.observe(outcome);
         let moves = if self.is_relevant(&outcome.task, outcome.level, outcome.proposal) {
-            self.mastery.observe(outcome);
             let ctx =
                 StrategyContext { settings: &self.settings, run_seed: self.run_seed, seq: self.next_seq };
             self.strategy.observe(outcome, &ctx)
@@ -161,10 +162,9 @@ impl Curriculum {
         self.take_seq()
     }
 
-    /// Lets proposals and slots of a task count from this event on.
+    /// Lets proposals of a task count from this event on, and slots of later leases move its level. Mastery keeps its slots.
     fn close_epoch(&mut self, task: &str) {
         self.since.insert(task.to_owned(), self.next_seq);
-        self.mastery.drop_unsettled(task);
         let ctx = StrategyContext { settings: &self.settings, run_seed: self.run_seed, seq: self.next_seq };
         self.strategy.close_epoch(task, &ctx);
     }

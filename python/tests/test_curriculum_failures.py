@@ -107,7 +107,7 @@ def test_dead_local_server_is_not_waited_for():
 
 @pytest.mark.parametrize("form", ["groups", "columns"])
 def test_server_with_another_database_refuses_results(tmp_path, form):
-    owner, curriculum = remote_curriculum(form=form, lease_groups=16)
+    owner, curriculum = remote_curriculum(form=form, lease_groups=16, ahead=8)
     envs = make_envs(curriculum, 8)
     wait_for_ready(curriculum, 8)
     kill_server(owner)
@@ -254,7 +254,7 @@ def test_ctrl_c_interrupts_a_waiting_step(interrupt_after):
 
 
 def test_ctrl_c_interrupts_close_without_a_server(interrupt_after):
-    owner, curriculum = remote_curriculum(form="groups")
+    owner, curriculum = remote_curriculum(form="groups", ahead=8)
     envs = make_envs(curriculum, 4)
     wait_for_ready(curriculum, 8)
     owner._server._process.kill()
@@ -360,7 +360,7 @@ def test_dead_server_of_a_paused_run_is_unreachable():
 
 def test_hanging_server_does_not_block_close():
     with local_curriculum() as owner:
-        curriculum = owner.reopen(form="groups", lease_groups=1)
+        curriculum = owner.reopen(form="groups", lease_groups=1, ahead=8)
         envs = make_envs(curriculum, 4)
         wait_for_ready(curriculum, 8)
         owner._server._process.send_signal(signal.SIGSTOP)

@@ -261,6 +261,20 @@ pub async fn set_expiry(conn: &mut SqliteConnection, id: i64, expires_at: Millis
     Ok(())
 }
 
+/// Reads the runs that are not paused and have active leases whose first lifetime is over.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn runs_with_renewed(conn: &mut SqliteConnection, now: Millis) -> Result<Vec<String>, StoreError> {
+    Ok(sqlx::query_scalar!(
+        "SELECT DISTINCT l.run FROM leases l JOIN runs r ON r.id = l.run
+         WHERE l.status = 'active' AND l.first_expires_at <= ? AND r.paused_at IS NULL",
+        now
+    )
+    .fetch_all(conn)
+    .await?)
+}
+
 /// Reads the active leases of a run that disclose their groups one by one.
 ///
 /// # Errors

@@ -120,13 +120,6 @@ impl MasteryTracker {
         self.recent.remove(task);
     }
 
-    /// Drops the slots of a task that are not settled.
-    pub(crate) fn drop_unsettled(&mut self, task: &str) {
-        for recent in self.recent.get_mut(task).into_iter().flat_map(BTreeMap::values_mut) {
-            recent.queue = SlotQueue::default();
-        }
-    }
-
     /// First open slot of each task and level.
     pub(crate) fn stalled(&self) -> impl Iterator<Item = StalledSlot> {
         self.recent.values().flat_map(BTreeMap::values).filter_map(|recent| recent.queue.stalled())

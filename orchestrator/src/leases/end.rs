@@ -39,7 +39,7 @@ impl Change for ReleaseLease {
     }
 }
 
-/// Ends up to 32 leases whose time is over.
+/// Ends up to 32 leases whose time is over, and closes groups of renewed leases for which later results wait.
 #[derive(Debug)]
 pub struct ExpireLeases;
 
@@ -54,6 +54,9 @@ impl Change for ExpireLeases {
                 end_lease(tx, &row, LeaseEnd::Expired).await?;
                 close_stalled(tx, &row.run).await?;
             }
+        }
+        for run in leases::runs_with_renewed(&mut tx.conn, tx.now).await? {
+            close_stalled(tx, &run).await?;
         }
         Ok(overdue.len())
     }

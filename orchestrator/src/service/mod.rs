@@ -82,15 +82,7 @@ impl Service {
             None => spawn_workers(&config, &lease_service, signals.clone(), ready_sender, &sessions)?,
             Some(_) => JoinSet::new(),
         };
-        let access_control = http::AccessControl::new(http::AccessConfig {
-            readers: readers.clone(),
-            writer: writer.clone(),
-            clock: config.clock.clone(),
-            bind: address,
-            openenv_public: config.openenv_public,
-            limits: config.client_limits,
-            process_token: config.process_token.as_ref().map(Token::hash),
-        });
+        let access_control = create_access_control(&config, &lease_service, address);
         if config.process_token.is_none()
             && let Err(error) = lock.publish_url(&server_url(address, tls.as_deref()))
         {
@@ -231,6 +223,23 @@ fn create_state(
         readiness: http::ReadinessProbe::default(),
         stopping: Arc::clone(stopping),
     }
+}
+
+/// Creates the check of clients and their permissions.
+fn create_access_control(
+    config: &Config,
+    lease_service: &LeaseService,
+    bind: SocketAddr,
+) -> http::AccessControl {
+    http::AccessControl::new(http::AccessConfig {
+        readers: lease_service.readers.clone(),
+        writer: lease_service.writer.clone(),
+        clock: config.clock.clone(),
+        bind,
+        openenv_public: config.openenv_public,
+        limits: config.client_limits,
+        process_token: config.process_token.as_ref().map(Token::hash),
+    })
 }
 
 /// Spawns all workers. `ready` signals that scenarios were prepared.

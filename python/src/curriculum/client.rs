@@ -7,7 +7,7 @@ use env_core::Scenario;
 use env_core::batch::episode_assigner::{BatchCall, EpisodeAssigner};
 use pyo3::prelude::*;
 
-use super::episode_queue::EpisodeQueue;
+use super::episode_queue::{EPISODES_PER_ENV, EpisodeQueue};
 use super::error::WaitError;
 use super::fetch::LeaseRequest;
 use super::http_client::HttpClient;
@@ -16,8 +16,6 @@ use super::shared_queue::SharedQueue;
 
 /// Interval at which a waiting trainer lets Python handle signals.
 const SIGNAL_CHECK_INTERVAL: Duration = Duration::from_millis(200);
-/// Episodes per environment that are kept ready.
-const EPISODES_PER_ENV: usize = 2;
 
 /// A run's curriculum, shared by its environments and its two threads.
 pub(crate) struct CurriculumClient {
@@ -39,6 +37,7 @@ impl CurriculumClient {
         let until = Instant::now() + self.max_wait;
         let mut queue = self.shared.lock();
         queue.target += EPISODES_PER_ENV * envs;
+        queue.envs += envs;
         self.shared.notify();
         loop {
             if let Some(first) = queue.first_scenario() {
@@ -128,6 +127,7 @@ impl CurriculumClient {
         let mut queue = self.shared.lock();
         assigner.return_all(&mut *queue);
         queue.target = queue.target.saturating_sub(EPISODES_PER_ENV * envs).max(1);
+        queue.envs = queue.envs.saturating_sub(envs);
     }
 
     /// Waits for a change of the queue, or for the signal check interval, and handles Python signals.

@@ -11,6 +11,9 @@ use serde_json::Value;
 
 use super::lease::{Lease, LeaseEpisodes, LeasedEpisode, UnbegunGroups};
 
+/// Episodes per environment that are kept leased.
+pub(super) const EPISODES_PER_ENV: usize = 2;
+
 /// Counts of episodes by their outcome, since the curriculum was opened.
 #[derive(Debug, Clone, Default, Serialize)]
 pub(super) struct EpisodeCounts {
@@ -118,8 +121,10 @@ pub(super) struct EpisodeQueue {
     pub(super) outbox: VecDeque<Submission>,
     /// Episodes in the outbox, including those that are being sent.
     pub(super) unsent: usize,
-    /// Number of episodes to keep ready.
+    /// Number of episodes to keep leased.
     pub(super) target: usize,
+    /// Number of environments.
+    pub(super) envs: usize,
     /// Message of the server if the run is paused.
     pub(super) paused: Option<String>,
     /// Current outage of the server.
@@ -153,10 +158,11 @@ impl EpisodeQueue {
         self.leases.iter().map(LeaseEpisodes::undisclosed).sum()
     }
 
-    /// Groups to begin now, so that enough episodes are ready. The other groups of a lease stay undisclosed: a scenario that is
-    /// disclosed and not flown is a lost attempt.
+    /// Groups to begin now, so that every other environment finds an episode at once. The other groups of a lease stay undisclosed:
+    /// a scenario that is disclosed and not flown is a lost attempt.
     pub(super) fn next_unbegun(&self) -> Option<UnbegunGroups> {
-        let wanted = self.target.checked_sub(self.ready()).filter(|wanted| *wanted > 0)?;
+        let begun = self.target.saturating_sub(EPISODES_PER_ENV * self.envs) + self.envs.div_ceil(2);
+        let wanted = begun.checked_sub(self.ready()).filter(|wanted| *wanted > 0)?;
         let episodes = self.leases.iter().find(|episodes| episodes.undisclosed() > 0)?;
         Some(UnbegunGroups { lease: episodes.lease.id.clone(), groups: episodes.next_unbegun(wanted) })
     }

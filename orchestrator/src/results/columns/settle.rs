@@ -102,18 +102,29 @@ async fn count_audited(tx: &mut WriteTx, lease: &LeaseRow, groups: &[GroupRow]) 
                 ..TaskCounters::default()
             });
         }
+        sum.add(&TaskCounters { failed: group.failed, ..TaskCounters::default() });
         if group.finished > 0 {
             episodes_of.entry(&group.task).or_default().extend(span.from..span.to);
         }
     }
-    task_counters::add(conn, &lease.run, &counters).await?;
-    for (key, sum) in &counters {
-        tx.task_counts(&lease.run, &key.task).add(sum, key.level);
-    }
+    add_counters(tx, lease, &counters).await?;
     let jobs = episodes_of.iter().flat_map(|(task, numbers)| {
         numbers.chunks(MAX_JOB_EPISODES).map(|numbers| NewCritiqueJob { task, lease: lease.id, numbers })
     });
     critiques::enqueue(&mut tx.conn, &lease.run, &jobs.collect::<Vec<_>>()).await?;
+    Ok(())
+}
+
+/// Adds to the counters of tasks, and to their history.
+async fn add_counters(
+    tx: &mut WriteTx,
+    lease: &LeaseRow,
+    counters: &BTreeMap<TaskCountersKey, TaskCounters>,
+) -> Result<(), ServiceError> {
+    task_counters::add(&mut tx.conn, &lease.run, counters).await?;
+    for (key, sum) in counters {
+        tx.task_counts(&lease.run, &key.task).add(sum, key.level);
+    }
     Ok(())
 }
 
@@ -186,8 +197,14 @@ async fn discard_groups(tx: &mut WriteTx, lease: &LeaseRow) -> Result<usize, Ser
     Ok(groups.len())
 }
 
-/// Passes the slots of groups without results to the curriculum.
+/// Counts the episodes of audited groups without results as expired, and passes their slots to the curriculum.
 async fn lose_slots(tx: &mut WriteTx, lease: &LeaseRow, groups: &[GroupRow]) -> Result<(), ServiceError> {
+    let mut counters: BTreeMap<TaskCountersKey, TaskCounters> = BTreeMap::new();
+    for group in groups {
+        let expired = TaskCounters { expired: lease.group_size, ..TaskCounters::default() };
+        counters.entry(TaskCountersKey::of(group)).or_default().add(&expired);
+    }
+    add_counters(tx, lease, &counters).await?;
     let mut run = tx.run(&lease.run).await?;
     let seqs: Vec<i64> = groups.iter().filter_map(|group| group.proposal).collect();
     for LeasedProposal { seq, body, .. } in proposals::get_many(run.conn, &lease.run, &seqs).await? {

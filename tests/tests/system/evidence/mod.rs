@@ -6,6 +6,7 @@ mod deadlines;
 mod disclosure;
 mod hidden_failures;
 mod sessions;
+mod settings;
 mod twins;
 mod withholding;
 
