@@ -105,6 +105,10 @@ impl<S: Send + Sync> FromRequest<S> for EncodedBody {
             Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "encoded_body", detail).at("Content-Encoding")
         })?;
         let class = request.extensions().get().copied().unwrap_or(BodyClass::Ordinary);
+        // A declared length is checked before any of the body is read.
+        if declared_length(request.headers()).is_some_and(|length| length > class.max_bytes() as u64) {
+            return Err(Problem::body_too_large(class.max_bytes()));
+        }
         let read = axum::body::to_bytes(request.into_body(), class.max_bytes());
         let body = tokio::time::timeout(BODY_TIMEOUT, read).await.map_err(|_| {
             let detail =
@@ -132,6 +136,11 @@ impl EncodedBody {
             InputError::TooLarge(reason) => Problem::too_large(format!("The body is too large: {reason}.")),
         })
     }
+}
+
+/// Returns the length of a body that its request declares. A compressed body has none.
+pub(super) fn declared_length(headers: &HeaderMap) -> Option<u64> {
+    headers.get(header::CONTENT_LENGTH)?.to_str().ok()?.parse().ok()
 }
 
 /// Removes the byte order mark that some programs write before JSON.

@@ -1,10 +1,9 @@
 //! Large request bodies, received under the [`BodyLimit`].
 
 use axum::extract::{FromRequest, Request};
-use axum::http::header;
 use tokio::sync::SemaphorePermit;
 
-use super::extract::EncodedBody;
+use super::extract::{EncodedBody, declared_length};
 use super::problem::Problem;
 use crate::limits::BodyLimit;
 
@@ -19,9 +18,7 @@ pub(super) async fn receive_large_body(
     limit: &BodyLimit,
     request: Request,
 ) -> Result<LargeBody<'_>, Problem> {
-    let length = request.headers().get(header::CONTENT_LENGTH);
-    let length = length.and_then(|length| length.to_str().ok()?.parse::<u64>().ok());
-    let _read_permit = limit.acquire_read(length).await?;
+    let _read_permit = limit.acquire_read(declared_length(request.headers())).await?;
     let body = EncodedBody::from_request(request, &()).await?;
     Ok(LargeBody { body, permit: limit.acquire_parse().await? })
 }

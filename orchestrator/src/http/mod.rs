@@ -58,7 +58,7 @@ pub use self::readiness::ReadinessProbe;
 use self::state::AppState;
 pub use self::tls::{ServerTls, TlsError, TlsFiles};
 use crate::engine::writer::Writer;
-use crate::limits::constants::{LONG_POLL_EXTRA_TIMEOUT, MAX_BODY_BYTES, REQUEST_TIMEOUT};
+use crate::limits::constants::{LONG_POLL_EXTRA_TIMEOUT, REQUEST_TIMEOUT};
 use crate::tokens::redact;
 
 /// OpenAPI document without its operations.
@@ -156,21 +156,14 @@ pub fn router(app: AppState, access_control: Arc<AccessControl>, surface: ApiSur
         .layer(axum::middleware::from_fn_with_state(clock, date_header::set_date))
 }
 
-/// Rejects bodies by their declared length before reading them, and applies the request timeout.
+/// Applies the request timeout, and closes the connection of a request whose body is not read to its end.
 async fn limit_request(request: Request, next: Next) -> Response {
-    let length = request.headers().get(header::CONTENT_LENGTH).and_then(|v| v.to_str().ok());
-    let too_large =
-        length.and_then(|text| text.parse::<usize>().ok()).is_some_and(|length| length > MAX_BODY_BYTES);
     let persistent = request.version() <= Version::HTTP_11;
     let is_long_poll =
         ["/trajectories", "/trajectories/claim"].iter().any(|end| request.uri().path().ends_with(end));
     let timeout = if is_long_poll { REQUEST_TIMEOUT + LONG_POLL_EXTRA_TIMEOUT } else { REQUEST_TIMEOUT };
-    let response = if too_large {
-        Problem::body_too_large(MAX_BODY_BYTES).into_response()
-    } else {
-        let response = tokio::time::timeout(timeout, next.run(request)).await;
-        response.unwrap_or_else(|_| Problem::timed_out().into_response())
-    };
+    let response = tokio::time::timeout(timeout, next.run(request)).await;
+    let response = response.unwrap_or_else(|_| Problem::timed_out().into_response());
     // The rest of a body that is too large or too slow is not read, so the connection cannot be reused.
     let unread = matches!(response.status(), StatusCode::PAYLOAD_TOO_LARGE | StatusCode::REQUEST_TIMEOUT);
     if unread && persistent { close_connection(response) } else { response }

@@ -196,7 +196,7 @@ export SPARRING_BIND=127.0.0.1:0
 coproc server {{ exec {binary} "$@"; }}
 pid=$server_PID
 read -r line <&"${{server[0]}}"
-[[ "$line" == "Sparring serves at http://127.0.0.1:"* ]]
+[[ "$line" == "Sparring serves at http"*"://127.0.0.1:"* ]]
 kill -INT "$pid"
 wait "$pid" || [[ $? == 130 ]]"#
             ),
@@ -204,6 +204,9 @@ wait "$pid" || [[ $? == 130 ]]"#
         ("curl", "PATH=\"${PATH#*:}\" exec curl --fail-with-body --silent --show-error \"$@\"".to_owned()),
         ("date", "echo 2026-11-22".to_owned()),
     ];
+    let certificate = rcgen::generate_simple_self_signed(["localhost".to_owned()]).unwrap();
+    fs::write(folder.join("fullchain.pem"), certificate.cert.pem()).unwrap();
+    fs::write(folder.join("key.pem"), certificate.signing_key.serialize_pem()).unwrap();
     let bin = folder.join("bin");
     fs::create_dir(&bin).unwrap();
     fs::create_dir(folder.join("backups")).unwrap();

@@ -7,7 +7,7 @@ use openenv_wire::{LocSegment, ValidationError};
 use serde_json::{Map, Value, json};
 
 use super::error_response::ErrorResponse;
-use crate::http::extract::{BYTE_ORDER_MARK, check_encoding};
+use crate::http::extract::{BYTE_ORDER_MARK, check_encoding, declared_length};
 use crate::limits::constants::{BODY_TIMEOUT, MAX_OPENENV_BODY_BYTES};
 
 /// Extractor of a body that is empty or an object.
@@ -52,6 +52,10 @@ impl<S: Send + Sync> FromRequest<S> for Body {
 pub(super) async fn read_body(request: Request) -> Result<Vec<u8>, ErrorResponse> {
     check_encoding(request.headers())
         .map_err(|detail| ErrorResponse::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, detail))?;
+    let too_large = || ErrorResponse::new(StatusCode::PAYLOAD_TOO_LARGE, "The body must have at most 1 MiB.");
+    if declared_length(request.headers()).is_some_and(|length| length > MAX_OPENENV_BODY_BYTES as u64) {
+        return Err(too_large());
+    }
     let read = async {
         let (mut bytes, mut body) = (Vec::new(), request.into_body().into_data_stream());
         while let Some(part) = body.next().await {
@@ -59,10 +63,7 @@ pub(super) async fn read_body(request: Request) -> Result<Vec<u8>, ErrorResponse
                 |_| ErrorResponse::new(StatusCode::BAD_REQUEST, "The body could not be read to its end.");
             bytes.extend_from_slice(&part.map_err(cut_off)?);
             if bytes.len() > MAX_OPENENV_BODY_BYTES {
-                return Err(ErrorResponse::new(
-                    StatusCode::PAYLOAD_TOO_LARGE,
-                    "The body must have at most 1 MiB.",
-                ));
+                return Err(too_large());
             }
         }
         if bytes.starts_with(BYTE_ORDER_MARK) {

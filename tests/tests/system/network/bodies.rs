@@ -5,7 +5,7 @@ use std::io::Write;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use serde_json::{Value, json};
-use system_tests::{ApiClient, ServerProcess, http_client};
+use system_tests::{ApiClient, IncompletePost, ServerProcess, http_client};
 
 fn gzip(bytes: &[u8]) -> Vec<u8> {
     let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
@@ -57,6 +57,23 @@ async fn gzip_bodies_are_read_within_the_limits() {
             text.contains("The body has the encoding br; send it as gzip or without an encoding."),
             "{text}"
         );
+    }
+}
+
+/// The server checks a declared length before it reads the body.
+#[tokio::test]
+async fn declared_length_is_checked_against_the_limit_of_the_route() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = ServerProcess::start(&folder.path().join("db.sqlite3"));
+    let api = server.api();
+    let _ = api.post("/v1/runs", json!({"id": "run"})).await.expect(201);
+    for (path, length, limit) in [
+        ("/v1/runs", (1 << 20) + 1, "at most 1 MiB"),
+        ("/v1/runs/run/results", (16 << 20) + 1, "at most 16 MiB"),
+        ("/reset", (1 << 20) + 1, "at most 1 MiB"),
+    ] {
+        let response = IncompletePost::send_head(&api, path, length).await.response().await;
+        assert!(response.starts_with("HTTP/1.1 413 ") && response.contains(limit), "{path}: {response}");
     }
 }
 
