@@ -20,6 +20,7 @@ mod failures;
 mod faults;
 mod feed;
 mod fuzz;
+mod kills;
 mod lease_purposes;
 mod leases;
 mod openapi_conformance;
