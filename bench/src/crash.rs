@@ -9,6 +9,9 @@ use crate::Row;
 
 pub(crate) fn measure(minutes: u32) -> anyhow::Result<Vec<Row>> {
     let folder = tempfile::tempdir()?;
+    // The control file of the faults is beside the folder of the database.
+    let data = folder.path().join("data");
+    std::fs::create_dir(&data)?;
     let until = StopCondition::Time(Duration::from_secs(60 * u64::from(minutes)));
     let seed = u64::from(std::process::id());
     let plan = CrashPlan {
@@ -16,12 +19,13 @@ pub(crate) fn measure(minutes: u32) -> anyhow::Result<Vec<Row>> {
         seed,
         min_lifetime_ms: 50,
         max_lifetime_ms: 20_000,
+        faults: cfg!(target_os = "linux"),
         compacts: true,
         progress_interval_s: 60,
     };
     writeln!(std::io::stderr(), "seed {}", plan.seed)?;
-    let report = tokio::runtime::Runtime::new()?
-        .block_on(run_crash_test(&folder.path().join("survivor.sqlite3"), plan))?;
+    let report =
+        tokio::runtime::Runtime::new()?.block_on(run_crash_test(&data.join("survivor.sqlite3"), plan))?;
     writeln!(std::io::stdout(), "{report}")?;
     Ok(vec![Row {
         label: format!("{minutes} minutes, {} servers killed: lost acknowledged results", report.kills),

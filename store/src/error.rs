@@ -34,7 +34,7 @@ pub enum Outage {
     Locked,
     /// Reads or writes fail.
     #[error(
-        "the disk failed, or the file or its folder cannot be accessed; the server's log has the system error"
+        "the disk failed or is mounted read-only, or the file or its folder cannot be accessed; the system's log has the reason, and writes resume automatically once the disk works"
     )]
     Disk,
     /// A file of the database was removed or replaced: writes would be lost.
@@ -42,9 +42,10 @@ pub enum Outage {
         "the file of the database, or its -wal, -shm or .lock file, was removed or replaced while the server ran; stop the server, restore the file, and start it again"
     )]
     Gone,
-    /// The content of the file or of its write-ahead log is damaged. It does not recover by itself.
+    /// The content of the file or of its write-ahead log is damaged. It does not recover by itself. SQLite reports a sector that
+    /// cannot be read in the same way.
     #[error(
-        "the file of the database or its write-ahead log is damaged; stop the server, restore the newest backup, and start it again"
+        "the database or its write-ahead log is damaged, or the disk cannot read it; stop the server, run `sparring db check`, and restore the newest backup if it finds damage"
     )]
     Damaged,
 }

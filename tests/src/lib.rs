@@ -4,6 +4,8 @@
 //! the crash test ([`crash`]) and a scripted language model ([`mock_llm`]). The tests themselves are in `tests/system`.
 
 pub mod crash;
+#[cfg(target_os = "linux")]
+pub mod faults;
 mod incomplete_post;
 pub mod mock_llm;
 mod polling;

@@ -25,6 +25,10 @@ struct Acknowledgements {
     delivered: BTreeMap<i64, Vec<EpisodeScore>>,
     /// Ids of delivered groups whose acknowledgement the server confirmed.
     acknowledged: BTreeSet<i64>,
+    /// Largest number of episodes of each lease that a vector session said were stored.
+    vectors: BTreeMap<String, u64>,
+    /// Number of sessions that were resumed after a lost connection.
+    resumed: u64,
     /// Number of requests that found no server.
     unreachable: u64,
     /// Violations that were seen during the test.
@@ -112,6 +116,17 @@ impl AcknowledgementLog {
         }
     }
 
+    /// Records how many episodes of a lease a vector session has reported.
+    pub(super) fn record_vector(&self, lease: &str, reported: u64) {
+        let mut log = self.lock();
+        let known = log.vectors.entry(lease.to_owned()).or_default();
+        *known = reported.max(*known);
+    }
+
+    pub(super) fn record_resumed(&self) {
+        self.lock().resumed += 1;
+    }
+
     pub(super) fn record_acks(&self, ids: &[i64]) {
         self.lock().acknowledged.extend(ids);
     }
@@ -121,8 +136,9 @@ impl AcknowledgementLog {
         let log = self.lock();
         let reported =
             |interface| log.results.values().filter(|result| result.interface == interface).count();
-        let delivered = log.delivered.values().map(Vec::len).sum();
-        ["results", "columns", "steps"].map(reported).into_iter().fold(delivered, usize::min)
+        let delivered: usize = log.delivered.values().map(Vec::len).sum();
+        let vectors = usize::try_from(log.vectors.values().sum::<u64>()).unwrap_or(usize::MAX);
+        ["results", "columns", "steps"].map(reported).into_iter().fold(delivered.min(vectors), usize::min)
     }
 
     pub(super) fn summary_line(&self) -> String {
@@ -143,6 +159,7 @@ impl AcknowledgementLog {
         let mut faults = log.faults.clone();
         let stored = index_by_id(&state.episodes, &mut faults);
         let by_interface = log.check_episodes(&stored, &mut faults);
+        log.check_vectors(&stored, &mut faults);
         let sum = |field: &str, part: &str| -> u64 {
             let tasks = state.mastery["tasks"].as_array().into_iter().flatten();
             tasks.map(|task| task[field][part].as_u64().unwrap_or(0)).sum()
@@ -163,6 +180,8 @@ impl AcknowledgementLog {
             kills: exits.kills,
             stops: exits.stops,
             unreachable: log.unreachable,
+            resumed: log.resumed,
+            vectors: log.vectors.values().sum::<u64>(),
             by_interface,
             repeated: log.repeated,
             finished,
@@ -178,6 +197,24 @@ impl AcknowledgementLog {
 }
 
 impl Acknowledgements {
+    /// Checks that each lease has as many finished episodes as its vector session reported.
+    fn check_vectors(&self, stored: &BTreeMap<&str, &Value>, faults: &mut Vec<String>) {
+        let mut finished: BTreeMap<&str, u64> = BTreeMap::new();
+        for (id, episode) in stored {
+            let lease =
+                id.strip_prefix("ep_").and_then(|rest| rest.rsplit_once('_')).map_or("", |(lease, _)| lease);
+            *finished.entry(lease).or_default() += u64::from(episode["state"] == "finished");
+        }
+        for (lease, reported) in &self.vectors {
+            let found = finished.get(lease.as_str()).copied().unwrap_or(0);
+            if found < *reported {
+                faults.push(format!(
+                    "{reported} episodes of {lease} were reported by frames, {found} are stored"
+                ));
+            }
+        }
+    }
+
     /// Checks that each acknowledged episode is stored with the same score, and counts the episodes by interface.
     fn check_episodes(
         &self,
@@ -224,6 +261,10 @@ pub struct CrashReport {
     pub stops: u32,
     /// Number of requests that found no server.
     pub unreachable: u64,
+    /// Number of sessions that were resumed after a lost connection.
+    pub resumed: u64,
+    /// Number of episodes that vector sessions said were stored; all are.
+    pub vectors: u64,
     /// Number of acknowledged episodes by interface; each of them is stored with the acknowledged score.
     pub by_interface: BTreeMap<&'static str, u64>,
     /// Number of results that were sent again and acknowledged as duplicates.
@@ -247,6 +288,8 @@ impl fmt::Display for CrashReport {
         writeln!(f, "{:<52} {:>9}", "servers killed (SIGKILL)", self.kills)?;
         writeln!(f, "{:<52} {:>9}", "servers stopped (SIGTERM)", self.stops)?;
         writeln!(f, "{:<52} {:>9}", "requests without a response, sent again", self.unreachable)?;
+        writeln!(f, "{:<52} {:>9}", "sessions resumed after a lost connection", self.resumed)?;
+        writeln!(f, "{:<52} {:>9}", "episodes acknowledged by binary frames, all stored", self.vectors)?;
         for (interface, episodes) in &self.by_interface {
             let line = format!("episodes acknowledged by {interface}, all stored");
             writeln!(f, "{line:<52} {episodes:>9}")?;

@@ -2,9 +2,11 @@
 //!
 //! [`run_crash_test`] starts the trainers, kills the server (every fifth time it sends SIGTERM instead) and finally
 //! compares the acknowledgements that the trainers received with the database. The trainers are in `trainers`, the
-//! comparison is in `acknowledgements`.
+//! comparison is in `acknowledgements`. `sessions` has the trainers that step environments on the server.
 
 mod acknowledgements;
+mod faults;
+mod sessions;
 mod trainers;
 
 use std::path::Path;
@@ -18,8 +20,9 @@ use tokio::task::JoinSet;
 
 use self::acknowledgements::ServerState;
 pub use self::acknowledgements::{AcknowledgementLog, CrashReport};
+use self::faults::RandomFaults;
 use self::trainers::Trainer;
-use crate::{ApiClient, ServerProcess, try_wait_for};
+use crate::{ApiClient, try_wait_for};
 
 /// Id of the run that all trainers use.
 const RUN: &str = "survivor";
@@ -52,6 +55,8 @@ pub struct CrashPlan {
     pub max_lifetime_ms: u64,
     /// True if the run keeps few leases in full, so that servers are also killed while they compact.
     pub compacts: bool,
+    /// True if the disk is full, a sync fails or another process locks the database when some servers are killed. Linux only.
+    pub faults: bool,
     /// Interval of progress lines on stderr, in seconds; 0 prints none.
     pub progress_interval_s: u64,
 }
@@ -71,7 +76,8 @@ struct ServerExits {
 /// Returns an error if the server rejects a valid request, if a trainer fails, or if an acknowledged result is
 /// missing or counted twice.
 pub async fn run_crash_test(db: &Path, plan: CrashPlan) -> anyhow::Result<CrashReport> {
-    let mut server = ServerProcess::start(db);
+    let mut faults = RandomFaults::new(db, plan.faults)?;
+    let mut server = faults.start_server("127.0.0.1:0");
     let address = server.address().to_owned();
     create_run(&server.api(), plan).await?;
 
@@ -84,6 +90,7 @@ pub async fn run_crash_test(db: &Path, plan: CrashPlan) -> anyhow::Result<CrashR
     trainers.spawn(trainer(4).step_sessions());
     trainers.spawn(trainer(5).step_sessions());
     trainers.spawn(trainer(6).consume_trajectories());
+    trainers.spawn(trainer(7).step_vectors());
 
     let (mut exits, start, mut last_progress) = (ServerExits::default(), Instant::now(), Instant::now());
     let should_continue = |kills: u32| match plan.until {
@@ -94,7 +101,7 @@ pub async fn run_crash_test(db: &Path, plan: CrashPlan) -> anyhow::Result<CrashR
         let lifetime = draw_lifetime_ms(&plan, exits.kills + exits.stops);
         tokio::select! {
             // Tests the passing of time: the kill comes at a random moment.
-            () = tokio::time::sleep(Duration::from_millis(lifetime)) => {}
+            () = faults.live(Duration::from_millis(lifetime), exits.kills) => {}
             Some(ended) = trainers.join_next() => {
                 ended??;
                 anyhow::bail!("a trainer ended before the test");
@@ -107,7 +114,8 @@ pub async fn run_crash_test(db: &Path, plan: CrashPlan) -> anyhow::Result<CrashR
             server.kill();
             exits.kills += 1;
         }
-        server = ServerProcess::start_at(&address, db, &[]);
+        faults.clear().await;
+        server = faults.start_server(&address);
         if plan.progress_interval_s > 0
             && last_progress.elapsed() > Duration::from_secs(plan.progress_interval_s)
         {

@@ -5,26 +5,23 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::{Context, ensure};
-use futures_util::{SinkExt, StreamExt};
 use serde_json::{Value, json};
-use tokio_tungstenite::connect_async;
-use tokio_tungstenite::tungstenite::Message;
 
 use super::{AcknowledgementLog, RUN};
 use crate::{ApiClient, ApiResponse, Lease, episode_result, run_policy, try_wait_for};
 
 /// Pause between two attempts of a request.
-const RETRY_INTERVAL: Duration = Duration::from_millis(30);
+pub(super) const RETRY_INTERVAL: Duration = Duration::from_millis(30);
 /// Number of attempts: together longer than a server takes to start.
 const MAX_ATTEMPTS: u32 = 1000;
 /// Time after which the feed delivers an unacknowledged group again, in seconds.
 const DELIVERY_TTL_S: u64 = 2;
 
 pub(super) struct Trainer {
-    api: ApiClient,
-    log: Arc<AcknowledgementLog>,
+    pub(super) api: ApiClient,
+    pub(super) log: Arc<AcknowledgementLog>,
     stop: Arc<AtomicBool>,
-    seed: u64,
+    pub(super) seed: u64,
 }
 
 impl Trainer {
@@ -37,12 +34,17 @@ impl Trainer {
         Self { api: api.clone(), log: Arc::clone(log), stop: Arc::clone(stop), seed }
     }
 
-    fn is_running(&self) -> bool {
+    pub(super) fn is_running(&self) -> bool {
         !self.stop.load(Ordering::SeqCst)
     }
 
     /// Sends a request until the server responds with anything but 429 or 503.
-    async fn request(&self, method: &str, path: &str, body: &Value) -> anyhow::Result<ApiResponse> {
+    pub(super) async fn request(
+        &self,
+        method: &str,
+        path: &str,
+        body: &Value,
+    ) -> anyhow::Result<ApiResponse> {
         let path = format!("/v1/runs/{RUN}{path}");
         for _ in 0..MAX_ATTEMPTS {
             let body = if body.is_null() { String::new() } else { body.to_string() };
@@ -120,39 +122,6 @@ impl Trainer {
             match status.body["state"].as_str() {
                 Some("accepted") => self.log.record_accepted_claim(lease.id(), scores.len() as u64),
                 _ => self.log.record_fault(format!("columns of {}: {}", lease.id(), status.body)),
-            }
-        }
-        Ok(())
-    }
-
-    /// Steps episodes of the run on the server over WebSocket sessions.
-    pub(super) async fn step_sessions(self) -> anyhow::Result<()> {
-        let url = format!("{}/v1/sessions", self.api.base().replacen("http", "ws", 1));
-        let mut id = self.seed << 32;
-        while self.is_running() {
-            let Ok((mut socket, _)) = connect_async(&url).await else {
-                self.log.record_unreachable();
-                tokio::time::sleep(RETRY_INTERVAL).await;
-                continue;
-            };
-            let mut message = json!({"type": "open", "version": 1, "run": RUN});
-            while self.is_running() {
-                if socket.send(Message::text(message.to_string())).await.is_err() {
-                    break;
-                }
-                let Some(Ok(Message::Text(text))) = socket.next().await else { break };
-                let reply: Value = serde_json::from_str(&text)?;
-                if reply["type"] == "error" {
-                    break; // only the receipt of a finished episode is an acknowledgement
-                }
-                if reply["done"] == true {
-                    self.log.record_receipt("steps", &reply["reported"]);
-                }
-                id += 1;
-                message = match reply["done"] == true {
-                    true => json!({"type": "reset", "id": id, "run": RUN}),
-                    false => json!({"type": "step", "id": id, "action": {}}),
-                };
             }
         }
         Ok(())

@@ -19,14 +19,15 @@ use system_tests::{ServerProcess, sparring_binary, wait_until};
 /// Runs a crash test with at least `kills` kills and checks the database with `sparring db check`.
 ///
 /// The environment variable `SPARRING_CRASH_SEED` sets the seed; the default is 7.
-async fn crash(db: &Path, kills: u32, compacts: bool) -> CrashReport {
+async fn crash(db: &Path, kills: u32, compacts: bool, faults: bool) -> CrashReport {
     let seed = std::env::var("SPARRING_CRASH_SEED").ok().and_then(|seed| seed.parse().ok()).unwrap_or(7);
     let plan = CrashPlan {
-        until: StopCondition::Kills { kills, episodes: 100 },
+        until: StopCondition::Kills { kills, episodes: if faults { 30 } else { 100 } },
         seed,
         min_lifetime_ms: 50,
         max_lifetime_ms: 1500,
         compacts,
+        faults,
         progress_interval_s: 0,
     };
     let report = match run_crash_test(db, plan).await {
@@ -49,7 +50,7 @@ async fn crash(db: &Path, kills: u32, compacts: bool) -> CrashReport {
 async fn kills_during_compaction_lose_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let db = folder.path().join("survivor.sqlite3");
-    let report = crash(&db, 12, true).await;
+    let report = crash(&db, 12, true, false).await;
     let mut conn = SqliteConnectOptions::new().filename(&db).read_only(true).connect().await.unwrap();
     // A further server compacts what the killed ones had no time for.
     let _server = ServerProcess::start(&db);
@@ -60,18 +61,31 @@ async fn kills_during_compaction_lose_nothing() {
     .await;
 }
 
+#[cfg(target_os = "linux")]
+#[tokio::test(flavor = "multi_thread")]
+async fn kills_during_faults_of_disk_and_lock_lose_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    std::fs::create_dir(&data).unwrap();
+    let report = crash(&data.join("survivor.sqlite3"), 16, true, true).await;
+    assert!(report.kills >= 16 && report.vectors > 4, "{report}");
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn acknowledged_results_survive_kills_and_count_once() {
     let folder = tempfile::tempdir().unwrap();
     let db = folder.path().join("survivor.sqlite3");
-    let report = crash(&db, 22, false).await;
+    let report = crash(&db, 22, false, false).await;
     assert!(report.kills >= 20 && report.stops >= 3 && report.unreachable > 20, "{report}");
     assert_eq!(
         report.by_interface.keys().copied().collect::<Vec<_>>(),
         ["columns", "results", "steps", "trajectories"]
     );
     assert!(
-        report.by_interface.values().all(|episodes| *episodes > 4) && report.acknowledged > 4,
+        report.by_interface.values().all(|episodes| *episodes > 4)
+            && report.acknowledged > 4
+            && report.vectors > 4
+            && report.resumed > 4,
         "{report}"
     );
 

@@ -1,73 +1,48 @@
 //! Faults of disk and clock: full, failing and slow disk, locked database, clock jumps. The server reports the state, loses
-//! nothing, and recovers by itself. System calls of a real server are made to fail by fixtures/faults.c.
+//! nothing, and recovers by itself. `system_tests::faults` makes system calls of a real server fail.
 
 #![cfg(target_os = "linux")]
 
+mod clock;
 mod damage;
+mod disk;
 mod full_disk;
 mod locked;
 
-use std::os::unix::fs::FileExt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Command, Stdio};
-use std::sync::OnceLock;
 
 use serde_json::{Value, json};
 use sqlx::ConnectOptions;
 use sqlx::sqlite::SqliteConnectOptions;
+use system_tests::faults::{EIO, ENOSPC, Fault, FaultControl};
 use system_tests::{ApiClient, ApiResponse, ServerProcess, sparring_binary, wait_until};
 
-const ENOSPC: i64 = 28;
-const EIO: i64 = 5;
 const DAY_MS: i64 = 86_400_000;
-
-/// Builds the library that makes system calls fail.
-fn fault_library() -> &'static Path {
-    static BUILT: OnceLock<PathBuf> = OnceLock::new();
-    BUILT.get_or_init(|| {
-        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/faults.c");
-        let built = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("faults-{}.so", std::process::id()));
-        let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
-        let done = Command::new(compiler)
-            .args(["-shared", "-fPIC", "-O1", "-Wall", "-Wextra", "-Werror", "-o"])
-            .args([&built, &source])
-            .arg("-ldl")
-            .status();
-        assert!(done.is_ok_and(|done| done.success()), "a C compiler is needed, as for SQLite");
-        built
-    })
-}
 
 /// Server whose disk and clock fail on demand.
 struct FaultyServer {
     process: ServerProcess,
     folder: tempfile::TempDir,
-    faults: std::fs::File,
-}
-
-/// Index of a fault in the control file of faults.c.
-#[derive(Clone, Copy)]
-enum Fault {
-    Write = 0,
-    Sync = 1,
-    SlowSyncMs = 2,
-    ClockMs = 3,
+    faults: FaultControl,
 }
 
 impl FaultyServer {
     fn start() -> Self {
         let folder = tempfile::tempdir().unwrap();
+        // Faults concern the files in the folder of the database; the control file is outside of it.
         std::fs::create_dir(folder.path().join("data")).unwrap();
-        let control = folder.path().join("faults");
-        std::fs::write(&control, [0; 32]).unwrap();
-        let faults = std::fs::File::options().write(true).open(&control).unwrap();
-        let mut command = Command::new(sparring_binary());
-        command.env("LD_PRELOAD", fault_library()).env("FAULTS", &control);
-        // The canonical path, because a temporary folder may be a symbolic link.
-        command.env("FAULTS_UNDER", folder.path().canonicalize().unwrap().join("data"));
-        command.args(["serve", "--bind", "127.0.0.1:0", "--db"]).arg(folder.path().join("data/db.sqlite3"));
-        let process = ServerProcess::spawn(command, Stdio::null());
-        Self { process, folder, faults }
+        let faults = FaultControl::create(folder.path());
+        let command = faults.serve_command("127.0.0.1:0", &folder.path().join("data/db.sqlite3"));
+        Self { process: ServerProcess::spawn(command, Stdio::null()), folder, faults }
+    }
+
+    /// Kills the server and starts another one on its database.
+    fn restart(self) -> Self {
+        let command = self.faults.serve_command("127.0.0.1:0", &self.db());
+        let Self { process, folder, faults } = self;
+        process.kill();
+        Self { process: ServerProcess::spawn(command, Stdio::null()), folder, faults }
     }
 
     fn api(&self) -> ApiClient {
@@ -78,8 +53,12 @@ impl FaultyServer {
         self.folder.path().join("data/db.sqlite3")
     }
 
+    fn get(&self, fault: Fault) -> i64 {
+        self.faults.get(fault)
+    }
+
     fn set(&self, fault: Fault, value: i64) {
-        self.faults.write_all_at(&value.to_ne_bytes(), fault as u64 * 8).unwrap();
+        self.faults.set(fault, value);
     }
 
     /// Stops the server and checks its database.

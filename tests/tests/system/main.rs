@@ -22,6 +22,7 @@ mod faults;
 mod feed;
 mod fuzz;
 mod integer_bounds;
+mod kills;
 mod lease_purposes;
 mod leases;
 mod network;

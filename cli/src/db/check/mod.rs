@@ -33,7 +33,7 @@ const PAGE: i64 = 500;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Prints one line for each kind of problem, with the first problems; the exit code is 1 if there is one. The check reads the whole \
-database, which takes some seconds per GiB. With --deep it takes about a minute per 100 000 episodes.
+database, which takes some seconds per GiB. --deep takes as long as all episodes took to replay when they were reported.
 
 Old events of runs with compacted leases are deleted. --deep then folds from the oldest snapshot.")]
 pub(super) struct Args {

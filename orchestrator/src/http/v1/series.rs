@@ -116,7 +116,8 @@ pub(super) async fn get_series(
     let run = parse_run_id(&run)?;
     let mut conn = acquire_run_reader(&app, &run).await?;
     let now = app.clock.now();
-    let created_at = runs::get(&mut conn, run.as_str()).await?.map_or(now, |row| row.created_at);
+    // The clock may have been set back since the run was created.
+    let created_at = runs::get(&mut conn, run.as_str()).await?.map_or(now, |row| row.created_at.min(now));
     let (from, to) =
         (parse_time("from", query.from.as_ref(), created_at)?, parse_time("to", query.to.as_ref(), now)?);
     if to < from {

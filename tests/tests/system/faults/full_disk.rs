@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
+use system_tests::faults::{ENOSPC, Fault};
 use system_tests::{ApiClient, http_client, wait_for};
 use tokio::task::JoinSet;
 
-use super::{ENOSPC, Fault, FaultyServer, report, start_run, wait_until_ready};
+use super::{FaultyServer, report, start_run, wait_until_ready};
 
 /// Values of the parameters in paths of the API.
 type PathValues = BTreeMap<&'static str, String>;
