@@ -255,7 +255,7 @@ async fn date_header_follows_the_clock() {
     for offset_ms in [0, DAY_MS, -DAY_MS, 0] {
         server.set(Fault::ClockMs, offset_ms);
         wait_until("all dates follow the clock", async || {
-            let now_s = (clock::Clock::system().now() + offset_ms) / 1000;
+            let now_s = (::clock::Clock::system().now() + offset_ms) / 1000;
             response_dates(&api).await.iter().all(|date| (date - now_s).abs() <= 5)
         })
         .await;
