@@ -14,7 +14,7 @@ use tokio::task::JoinSet;
 use crate::sockets::process;
 use crate::{Row, results};
 
-/// Number of trainers.
+/// Number of trainers in each phase.
 const TRAINERS: usize = 4;
 /// Duration of each of the four phases: without, with, with and without slow clients.
 const PHASE: Duration = Duration::from_secs(30);

@@ -123,7 +123,7 @@ pub(super) struct EpisodeQueue {
     pub(super) unsent: usize,
     /// Number of episodes to keep leased.
     pub(super) target: usize,
-    /// Number of environments.
+    /// Number of environments that take episodes.
     pub(super) envs: usize,
     /// Message of the server if the run is paused.
     pub(super) paused: Option<String>,

@@ -214,7 +214,7 @@ pub(super) async fn delete_run(
 
 /// Set the newest policy version of a run.
 ///
-/// Leases and results raise it automatically. If a trainer reports a version by mistake, later results are stale (`max_staleness`)
+/// Results raise it automatically. If a trainer reports a version by mistake, later results are stale (`max_staleness`)
 /// until this request corrects the version. A version more than 1 000 000 above the newest is rejected, unless an admin sends it.
 #[utoipa::path(
     put, path = "/runs/{run}/policy_version", tag = "runs", request_body = PolicyVersionRequest,
