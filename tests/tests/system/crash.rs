@@ -36,12 +36,9 @@ async fn crash(db: &Path, kills: u32, compacts: bool, faults: bool) -> CrashRepo
     };
     println!("{report}"); // visible with: cargo test -p system-tests crash -- --nocapture
 
-    // The database is intact and consistent, and each sampled log replays to its score.
-    let check = Command::new(sparring_binary())
-        .args(["db", "check", "--replay", "2000", "--db"])
-        .arg(db)
-        .output()
-        .unwrap();
+    // The database is intact and consistent, each log replays to its score, and the events lead to the stored curriculum.
+    let check =
+        Command::new(sparring_binary()).args(["db", "check", "--deep", "--db"]).arg(db).output().unwrap();
     assert_eq!(check.status.code(), Some(0), "{}", String::from_utf8_lossy(&check.stdout));
     report
 }

@@ -41,8 +41,8 @@ use crate::runs::version_step::check_version_step;
 
 /// Time after which a session's own lease expires without a renewal, in seconds.
 pub const SESSION_LEASE_TTL_S: u32 = 600;
-/// Maximum number of retries of a report while the server is busy.
-const MAX_REPORT_RETRIES: u32 = 40;
+/// Maximum number of retries of a report while the server is busy or the database is locked: one minute.
+const MAX_REPORT_RETRIES: u32 = 240;
 /// Pause before each retry of a report.
 const REPORT_RETRY_DELAY: Duration = Duration::from_millis(250);
 /// Maximum duration of the wait for background work at shutdown.

@@ -23,8 +23,8 @@ use crate::rollouts::run_episode::{RolloutOutcome, roll_out_built_in, roll_out_c
 use crate::rollouts::settings::SetPolicyError;
 use crate::rollouts::{RecordingBudget, RolloutError, RolloutGroup};
 
-/// Maximum number of retries of storing a group while the server is busy.
-const MAX_STORE_RETRIES: u32 = 40;
+/// Maximum number of retries of storing a group while the server is busy or the database is locked: one minute.
+const MAX_STORE_RETRIES: u32 = 240;
 /// Pause between two tries of storing a group.
 const STORE_RETRY_PAUSE: Duration = Duration::from_millis(250);
 

@@ -6,7 +6,7 @@ use futures_util::future::join_all;
 use serde_json::json;
 use sqlx::ConnectOptions;
 use sqlx::sqlite::SqliteConnectOptions;
-use system_tests::{ApiClient, ApiResponse};
+use system_tests::{ApiClient, ApiResponse, TestSocket};
 
 use super::{FaultyServer, report, start_run, wait_until_ready};
 
@@ -93,4 +93,31 @@ async fn immediate_lock_refuses_all_waiting_changes_at_once() {
 #[tokio::test(flavor = "multi_thread")]
 async fn exclusive_lock_refuses_all_waiting_changes_at_once() {
     lock_refuses_waiting_changes("BEGIN EXCLUSIVE").await;
+}
+
+/// A known lock refuses every try at once, so the number of tries must not be small.
+#[tokio::test(flavor = "multi_thread")]
+async fn session_reports_its_episode_after_a_long_lock() {
+    let server = FaultyServer::start();
+    let api = server.api();
+    let _ = start_run(&api).await;
+    let mut socket = TestSocket::connect(&api, "/v1/sessions").await;
+    let opened = socket.request(&json!({"type": "open", "version": 1, "run": "run"})).await;
+    assert_eq!(opened["type"], "opened", "{opened}");
+    let mut other = SqliteConnectOptions::new().filename(server.db()).connect().await.unwrap();
+    sqlx::query("BEGIN IMMEDIATE").execute(&mut other).await.unwrap();
+    let unlock = tokio::spawn(async move {
+        // Tests the passing of time: the lock lasts much longer than the writer waits for it.
+        tokio::time::sleep(Duration::from_secs(18)).await;
+        sqlx::query("ROLLBACK").execute(&mut other).await.unwrap();
+    });
+    for id in 1..=50 {
+        let stepped = socket.request(&json!({"type": "step", "id": id, "action": {}})).await;
+        if stepped["done"] == true {
+            assert_eq!(stepped["reported"]["status"], "counted", "{stepped}");
+            unlock.await.unwrap();
+            return server.stop_and_check().await;
+        }
+    }
+    panic!("the episode has no end");
 }
