@@ -198,7 +198,9 @@ async fn failed_episodes_of_a_claim_are_not_low_scores() {
         (&after["claimed_results"]["episodes"], &after["claimed_results"]["failed"]),
         (&json!(48), &json!(12))
     );
-    assert_eq!(after["results"]["failed"], 0);
+    // The sample of 30 groups includes failed ones, which count as missing beside the audited ones.
+    let failed = after["results"]["failed"].as_u64().unwrap();
+    assert!((1..=12).contains(&failed), "{after}");
     assert_eq!(after["level"], 0);
     // If every episode failed, nothing is audited and the claim is accepted.
     let trainer = ColumnClaim::new(&api, "run", json!({"groups": 5}), "hold").await;
