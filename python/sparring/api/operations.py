@@ -725,7 +725,8 @@ class Trajectories:
         Args:
             limit: Largest number of groups, from 1 to 256 (default 8). A response has at most 32 MiB of JSON, or a
                 single group.
-            wait_s: Longest wait for the first group, seconds, from 0 to 60 (default 0).
+            wait_s: Longest wait for the first group, seconds, from 0 to 60 (default 0). The server waits at most 55 s,
+                since proxies end requests without a response after 60 s.
             after: Id after which groups are read, acknowledged or not (default 0: from the first one that is kept).
         """
         response: types.TrajectoryPage = self._send(
@@ -1482,7 +1483,8 @@ class AsyncTrajectories:
         Args:
             limit: Largest number of groups, from 1 to 256 (default 8). A response has at most 32 MiB of JSON, or a
                 single group.
-            wait_s: Longest wait for the first group, seconds, from 0 to 60 (default 0).
+            wait_s: Longest wait for the first group, seconds, from 0 to 60 (default 0). The server waits at most 55 s,
+                since proxies end requests without a response after 60 s.
             after: Id after which groups are read, acknowledged or not (default 0: from the first one that is kept).
         """
         response: types.TrajectoryPage = await self._send(

@@ -1495,7 +1495,10 @@ class TrajectoryClaim(TypedDict):
     ttl_s: NotRequired[int | None]
     """Duration of the claim, seconds, from 1 to 86 400 (default 600). A group that is not acknowledged by then is delivered again."""
     wait_s: NotRequired[int | None]
-    """Longest wait for the first group, seconds, from 0 to 60 (default 0)."""
+    """
+    Longest wait for the first group, seconds, from 0 to 60 (default 0). The server waits at most 55 s, since proxies end requests
+    without a response after 60 s.
+    """
 
 
 class TrajectoryMetrics(TypedDict):
