@@ -142,11 +142,14 @@ test("the page of a run with a used seed says so", async () => {
   const settings = { tasks: ["docking/single"], design: { designer: "off" }, seed: 9 };
   await server.post("/v1/runs", { ...settings, id: "earlier" });
   await server.post("/v1/runs", { ...settings, id: "later" });
+  await server.post("/v1/runs", { ...settings, id: "other", seed: 10 });
   const { page, problems } = await fixture.openPage();
-  const note = page.getByText("An earlier run has the same seed (9)");
+  const note = page.getByText("Another run has or had the same seed (9)");
   await visit(page, server.url, "/runs/later");
   await note.waitFor();
   await visit(page, server.url, "/runs/earlier");
+  await note.waitFor();
+  await visit(page, server.url, "/runs/other");
   await page.getByText("No episodes yet").waitFor();
   // The page keeps the run before it until the new one is loaded.
   await expect.poll(() => note.count()).toBe(0);

@@ -553,7 +553,7 @@ class Runs:
     def __init__(self, send: Send) -> None:
         self._send = send
 
-    def archive(self, **body: Unpack[types.ArchiveRequest]) -> types.ArchivedRuns:
+    def archive_many(self, **body: Unpack[types.ArchiveRequest]) -> types.ArchivedRuns:
         """Archive several runs: all of them or none."""
         response: types.ArchivedRuns = self._send("POST", "/v1/archive", {}, body, is_repeatable=True)
         return response
@@ -1305,7 +1305,7 @@ class AsyncRuns:
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
 
-    async def archive(self, **body: Unpack[types.ArchiveRequest]) -> types.ArchivedRuns:
+    async def archive_many(self, **body: Unpack[types.ArchiveRequest]) -> types.ArchivedRuns:
         """Archive several runs: all of them or none."""
         response: types.ArchivedRuns = await self._send("POST", "/v1/archive", {}, body, is_repeatable=True)
         return response

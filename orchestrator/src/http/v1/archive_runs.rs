@@ -25,7 +25,7 @@ const MAX_RUNS: usize = 1000;
         (status = 429, body = Problem), (status = 503, body = Problem)
     )
 )]
-pub(super) async fn archive_runs(
+pub(super) async fn archive_many_runs(
     _: NoQuery,
     State(app): State<AppState>,
     Json(request): Json<ArchiveRequest>,

@@ -102,7 +102,7 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(evaluations::cancel::cancel_evaluation))
         .routes(routes!(evaluations::scenarios::list_evaluation_scenarios))
         .routes(routes!(suites::list_suites))
-        .routes(routes!(archive_runs::archive_runs))
+        .routes(routes!(archive_runs::archive_many_runs))
         .routes(routes!(audit_log::list_audit_log))
 }
 
