@@ -48,22 +48,27 @@ impl LoggedEpisode {
     }
 }
 
+/// Selects [`LoggedEpisode`]s with an outcome: takes the end of the statement and its arguments.
+macro_rules! query_episodes {
+    ($rest:literal, $($argument:expr),+ $(,)?) => {
+        query_as!(
+            LoggedEpisode,
+            r#"SELECT e.lease AS "lease!", l.id_suffix, e.number AS "number!", l.run, g.scenario AS "scenario?", e.planner_version,
+                  e.score AS "score: f64", e.skill AS "skill: f64", e.success AS "success: bool", e.at
+           FROM episodes e JOIN leases l ON l.id = e.lease JOIN runs r ON r.id = l.run AND r.deleted_at IS NULL
+           LEFT JOIN groups g ON g.lease = e.lease AND g.number = e.number / l.group_size
+           WHERE e.outcome IS NOT NULL "# + $rest,
+            $($argument),+
+        )
+    };
+}
+
 /// Reads a random sample of the episodes.
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if the query fails.
 pub async fn sample(conn: &mut SqliteConnection, count: i64) -> Result<Vec<LoggedEpisode>, StoreError> {
-    Ok(query_as!(
-        LoggedEpisode,
-        r#"SELECT e.lease AS "lease!", l.id_suffix, e.number AS "number!", l.run, g.scenario AS "scenario?", e.planner_version,
-                  e.score AS "score: f64", e.skill AS "skill: f64", e.success AS "success: bool", e.at
-           FROM episodes e JOIN leases l ON l.id = e.lease JOIN runs r ON r.id = l.run AND r.deleted_at IS NULL
-           LEFT JOIN groups g ON g.lease = e.lease AND g.number = e.number / l.group_size
-           WHERE e.outcome IS NOT NULL ORDER BY random() LIMIT ?"#,
-        count
-    )
-    .fetch_all(conn)
-    .await?)
+    Ok(query_episodes!("ORDER BY random() LIMIT ?", count).fetch_all(conn).await?)
 }
 
 /// Reads episodes after a key, in the order of their keys.
@@ -75,19 +80,13 @@ pub async fn after(
     key: EpisodeKey,
     limit: i64,
 ) -> Result<Vec<LoggedEpisode>, StoreError> {
-    Ok(query_as!(
-        LoggedEpisode,
-        r#"SELECT e.lease AS "lease!", l.id_suffix, e.number AS "number!", l.run, g.scenario AS "scenario?", e.planner_version,
-                  e.score AS "score: f64", e.skill AS "skill: f64", e.success AS "success: bool", e.at
-           FROM episodes e JOIN leases l ON l.id = e.lease JOIN runs r ON r.id = l.run AND r.deleted_at IS NULL
-           LEFT JOIN groups g ON g.lease = e.lease AND g.number = e.number / l.group_size
-           WHERE e.outcome IS NOT NULL AND (e.lease, e.number) > (?, ?) ORDER BY e.lease, e.number LIMIT ?"#,
+    let rest = query_episodes!(
+        "AND (e.lease, e.number) > (?, ?) ORDER BY e.lease, e.number LIMIT ?",
         key.lease,
         key.number,
         limit
-    )
-    .fetch_all(conn)
-    .await?)
+    );
+    Ok(rest.fetch_all(conn).await?)
 }
 
 /// Counts the episodes.

@@ -10,7 +10,7 @@ use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{AssertSqlSafe, ConnectOptions, Connection, SqliteConnection};
 use system_tests::{ApiClient, ServerProcess, sparring_binary};
 
-use super::median_ms;
+use super::{GOAL_START_MS, goal_row, median_ms, start_server};
 use crate::sockets::process;
 use crate::{Row, results};
 
@@ -18,8 +18,6 @@ use crate::{Row, results};
 const REPORTED_LEASES: usize = 24;
 /// Tables whose rows are doubled, parents first.
 const TABLES: [&str; 4] = ["leases", "groups", "episodes", "action_logs"];
-/// Goal of the start, in milliseconds.
-const GOAL_START_MS: f64 = 2000.0;
 /// Goal of a list request, in milliseconds.
 const GOAL_LIST_MS: f64 = 50.0;
 /// Reports that are measured without and beside the backup.
@@ -34,23 +32,17 @@ async fn run(bytes: u64) -> anyhow::Result<Vec<Row>> {
     let (file, copy) = (folder.path().join("bench.sqlite3"), folder.path().join("copy.sqlite3"));
     fill(&file, bytes).await?;
     let size = std::fs::metadata(&file)?.len() as f64 / f64::from(1 << 30);
-    let start = Instant::now();
-    let server = ServerProcess::start(&file);
+    let (server, start_ms) = start_server(&file).await;
     let api = server.api();
-    while api.get("/readyz").await.status != 200 {}
-    let start_ms = start.elapsed().as_secs_f64() * 1e3;
-    let row = |label: String, ms: f64, goal: f64| Row {
-        label,
-        measured: format!("{ms:.1} ms"),
-        goal: format!("≤ {goal:.0} ms"),
-        ratio: Some(goal / ms),
-    };
-    let mut rows =
-        vec![row(format!("start with a database of {size:.1} GiB, until ready"), start_ms, GOAL_START_MS)];
+    let mut rows = vec![goal_row(
+        format!("start with a database of {size:.1} GiB, until ready"),
+        start_ms,
+        GOAL_START_MS,
+    )];
     let lists = ["episodes?limit=100", "leases?limit=100", "overview", "mastery", "level_moves"];
     for list in lists {
         let ms = median_ms(&api, &format!("/v1/runs/bench/{list}")).await?;
-        rows.push(row(format!("GET /v1/runs/bench/{list}"), ms, GOAL_LIST_MS));
+        rows.push(goal_row(format!("GET /v1/runs/bench/{list}"), ms, GOAL_LIST_MS));
     }
     let alone = report_times(&api).await?;
     let backup_s = spawn_command(&["backup", &copy.to_string_lossy()], &file);

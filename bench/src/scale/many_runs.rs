@@ -7,7 +7,7 @@ use serde_json::json;
 use system_tests::{ApiClient, ServerProcess};
 use tokio::task::JoinSet;
 
-use super::median_ms;
+use super::{GOAL_START_MS, goal_row, median_ms, start_server};
 use crate::Row;
 use crate::sockets::process;
 
@@ -17,8 +17,6 @@ const CLIENTS: u32 = 8;
 const ACTIVE_EVERY: u32 = 10;
 /// Largest number of runs that one request archives.
 const ARCHIVED_AT_ONCE: usize = 1000;
-/// Goal of the start, in milliseconds.
-const GOAL_START_MS: f64 = 2000.0;
 /// Goal of a request, in milliseconds.
 const GOAL_REQUEST_MS: f64 = 50.0;
 
@@ -41,23 +39,14 @@ async fn run(runs: u32) -> anyhow::Result<Vec<Row>> {
     let seconds = start.elapsed().as_secs_f64();
     writeln!(std::io::stderr(), "{runs} runs created and archived in {seconds:.0} s")?;
     server.kill();
-    let start = Instant::now();
-    let server = ServerProcess::start(&file);
+    let (server, start_ms) = start_server(&file).await;
     let api = server.api();
-    while api.get("/readyz").await.status != 200 {}
-    let start_ms = start.elapsed().as_secs_f64() * 1e3;
-    let row = |label: String, ms: f64, goal: f64| Row {
-        label,
-        measured: format!("{ms:.1} ms"),
-        goal: format!("≤ {goal:.0} ms"),
-        ratio: Some(goal / ms),
-    };
-    let mut rows = vec![row(format!("start with {runs} runs, until ready"), start_ms, GOAL_START_MS)];
+    let mut rows = vec![goal_row(format!("start with {runs} runs, until ready"), start_ms, GOAL_START_MS)];
     let active = "/v1/runs?limit=100";
     let archived = "/v1/runs?archived=true&limit=100";
     for path in [active, archived, "/v1/runs/run-0/overview", "/v1/runs/run-0/mastery", "/metrics", "/readyz"]
     {
-        rows.push(row(format!("GET {path}"), median_ms(&api, path).await?, GOAL_REQUEST_MS));
+        rows.push(goal_row(format!("GET {path}"), median_ms(&api, path).await?, GOAL_REQUEST_MS));
     }
     let mib = process::resident_bytes(server.pid())? as f64 / f64::from(1 << 20);
     rows.push(Row {

@@ -4,10 +4,15 @@ pub(crate) mod large_database;
 pub(crate) mod many_runs;
 pub(crate) mod slow_clients;
 
+use std::path::Path;
 use std::time::Instant;
 
-use system_tests::ApiClient;
+use system_tests::{ApiClient, ServerProcess};
 
+use crate::Row;
+
+/// Goal of the start of a server, in milliseconds.
+const GOAL_START_MS: f64 = 2000.0;
 /// Number of requests of a list; their median counts.
 const REQUESTS: usize = 5;
 
@@ -22,4 +27,18 @@ async fn median_ms(api: &ApiClient, path: &str) -> anyhow::Result<f64> {
     }
     times.sort_by(f64::total_cmp);
     Ok(times[REQUESTS / 2])
+}
+
+/// Starts a server on a database; returns it with the milliseconds until it was ready.
+async fn start_server(file: &Path) -> (ServerProcess, f64) {
+    let start = Instant::now();
+    let server = ServerProcess::start(file);
+    let api = server.api();
+    while api.get("/readyz").await.status != 200 {}
+    (server, start.elapsed().as_secs_f64() * 1e3)
+}
+
+/// Row of a duration, in milliseconds, and its goal.
+fn goal_row(label: String, ms: f64, goal: f64) -> Row {
+    Row { label, measured: format!("{ms:.1} ms"), goal: format!("≤ {goal:.0} ms"), ratio: Some(goal / ms) }
 }
