@@ -13,6 +13,11 @@ pub enum StoreError {
     /// The transaction was rolled back.
     #[error("the transaction was rolled back: {0}")]
     RolledBack(Outage),
+    /// All connections that read were in use for too long.
+    #[error(
+        "all connections that read the database are busy; retry in a few seconds, and ask for smaller pages"
+    )]
+    ReadersBusy,
     /// A stored value cannot be decoded: the file was changed by hand, or by a newer version.
     #[error("{item} in the database cannot be read: {reason}")]
     Corrupt {
@@ -57,7 +62,7 @@ impl StoreError {
         match self {
             Self::Database(error) => Outage::of(error),
             Self::RolledBack(outage) => Some(*outage),
-            Self::Corrupt { .. } => None,
+            Self::ReadersBusy | Self::Corrupt { .. } => None,
         }
     }
 
@@ -77,12 +82,13 @@ impl StoreError {
 impl From<sqlx::Error> for StoreError {
     fn from(error: sqlx::Error) -> Self {
         let unknown = match &error {
-            sqlx::Error::ColumnDecode { source, .. } => source.downcast_ref::<UnknownWord>(),
+            sqlx::Error::ColumnDecode { source, .. } => source.downcast_ref::<UnknownWord>().cloned(),
             _ => None,
         };
-        match unknown {
-            Some(unknown) => Self::corrupt(unknown.item, unknown),
-            None => Self::Database(error),
+        match (unknown, error) {
+            (Some(unknown), _) => Self::corrupt(unknown.item, unknown),
+            (None, sqlx::Error::PoolTimedOut) => Self::ReadersBusy,
+            (None, error) => Self::Database(error),
         }
     }
 }

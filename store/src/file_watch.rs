@@ -139,7 +139,7 @@ fn size_of(path: &Path) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{checkpoint, open_maintenance, open_writer, vacuum};
+    use crate::{checkpoint, open_maintenance, open_readers, open_writer, vacuum};
 
     async fn open(path: &Path) -> (SqliteConnection, FileWatch) {
         let mut conn = open_writer(path).await.expect("a new database");
@@ -186,6 +186,33 @@ mod tests {
         vacuum(&path).await.expect("the database can be vacuumed");
         assert_eq!(watch.state(), FileState::Shrunk);
         watch.verify_sizes(&mut conn).await.expect("the database was vacuumed");
+        assert_eq!(watch.state(), FileState::Intact);
+    }
+
+    /// A connection that opened the copy would delete the log of the open database when it closes.
+    #[tokio::test]
+    async fn readers_do_not_open_a_replaced_file() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("db");
+        let (_conn, watch) = open(&path).await;
+        let readers = open_readers(&path).await.expect("a pool");
+        let aside = folder.path().join("aside");
+        std::fs::rename(&path, &aside).expect("the file is moved");
+        let copied = std::fs::copy(&aside, &path).expect("the file is copied");
+        assert!(copied > 0);
+        let mut used = Vec::new();
+        for _ in 0..readers.options().get_max_connections() {
+            let mut reader = readers.acquire().await.expect("a free connection");
+            let rows: i64 = sqlx::query_scalar("SELECT count(*) FROM filler")
+                .fetch_one(&mut *reader)
+                .await
+                .expect("the table is there");
+            assert_eq!(rows, 2);
+            used.push(reader);
+        }
+        drop(used);
+        readers.close().await;
+        std::fs::rename(&aside, &path).expect("the file is moved back");
         assert_eq!(watch.state(), FileState::Intact);
     }
 }

@@ -18,6 +18,8 @@ static MIGRATIONS: Migrator = sqlx::migrate!("../migrations");
 const BUSY_TIMEOUT: Duration = Duration::from_secs(5);
 /// Connections of a pool of readers.
 const READERS: u32 = 4;
+/// Longest time that a query waits for a connection of the pool.
+const READER_TIMEOUT: Duration = Duration::from_secs(10);
 /// Page cache of the writer: 64 MiB (a negative number is in KiB).
 const WRITER_CACHE: &str = "-65536";
 /// Page cache of a reader: 8 MiB (a negative number is in KiB).
@@ -184,7 +186,13 @@ fn options(path: &Path) -> Result<SqliteConnectOptions, OpenError> {
 
 async fn connect_readers(path: &Path, options: SqliteConnectOptions) -> Result<SqlitePool, OpenError> {
     SqlitePoolOptions::new()
+        // All are opened now and stay open: one that is opened after the file was replaced would use another file together with
+        // the write-ahead log of this one, and could delete that log (sqlite.org/howtocorrupt.html, 1.4).
+        .min_connections(READERS)
         .max_connections(READERS)
+        .idle_timeout(None)
+        .max_lifetime(None)
+        .acquire_timeout(READER_TIMEOUT)
         .test_before_acquire(false) // a file does not disconnect, and the test is a round trip between two threads
         .connect_with(options.pragma("query_only", "ON").pragma("cache_size", READER_CACHE))
         .await

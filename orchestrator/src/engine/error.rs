@@ -170,7 +170,8 @@ impl ServiceError {
     /// True if the same request may succeed a moment later.
     #[must_use]
     pub fn is_temporary(&self) -> bool {
-        matches!(self, Self::Busy | Self::NotCommitted { .. }) || self.outage().is_some()
+        matches!(self, Self::Busy | Self::NotCommitted { .. } | Self::Store(StoreError::ReadersBusy))
+            || self.outage().is_some()
     }
 
     /// Returns the temporary cause if the database cannot be used now.

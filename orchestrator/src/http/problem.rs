@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use api_types::ProblemDetails;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use store::Outage;
+use store::{Outage, StoreError};
 use utoipa::openapi::{RefOr, Schema};
 use utoipa::{PartialSchema, ToSchema};
 
@@ -212,6 +212,9 @@ impl From<ServiceError> for Problem {
             E::NotReady => problem(StatusCode::SERVICE_UNAVAILABLE, "not_ready").with_retry_after(1),
             E::Stopping => problem(StatusCode::SERVICE_UNAVAILABLE, "stopping").with_retry_after(5),
             E::Invalid { field, reason } => Self::invalid(field, reason),
+            E::Store(StoreError::ReadersBusy) => {
+                problem(StatusCode::SERVICE_UNAVAILABLE, "busy").with_retry_after(5)
+            }
             E::NotCommitted { .. } | E::Restore(_) | E::Store(_) => Self::from_store_failure(&error),
         }
     }
@@ -247,8 +250,8 @@ impl From<LimitClosed> for Problem {
     }
 }
 
-impl From<store::StoreError> for Problem {
-    fn from(error: store::StoreError) -> Self {
+impl From<StoreError> for Problem {
+    fn from(error: StoreError) -> Self {
         ServiceError::from(error).into()
     }
 }
@@ -262,5 +265,18 @@ impl From<sqlx::Error> for Problem {
 impl From<env_core::ScenarioError> for Problem {
     fn from(error: env_core::ScenarioError) -> Self {
         Self::invalid(error.field().to_owned(), error.reason())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn busy_readers_are_temporary() {
+        let problem = Problem::from(sqlx::Error::PoolTimedOut);
+        let response = problem.into_response();
+        assert_eq!(response.status(), StatusCode::SERVICE_UNAVAILABLE);
+        assert_eq!(response.headers()[header::RETRY_AFTER], "5");
     }
 }
