@@ -19,6 +19,7 @@ pub(crate) fn measure(minutes: u32) -> anyhow::Result<Vec<Row>> {
         seed,
         min_lifetime_ms: 50,
         max_lifetime_ms: 20_000,
+        tls: true,
         faults: cfg!(target_os = "linux"),
         compacts: true,
         progress_interval_s: 60,

@@ -39,9 +39,8 @@ impl TestSocket {
     /// # Panics
     /// Panics if the server rejects the connection.
     pub async fn connect(api: &ApiClient, path: &str) -> Self {
-        let url = format!("{}{path}", api.base().replacen("http", "ws", 1));
-        let mut request = url.into_client_request().expect("a URL");
-        if let Some(token) = &api.token {
+        let mut request = api.websocket_url(path).into_client_request().expect("a URL");
+        if let Some(token) = api.token() {
             let value = format!("Bearer {token}").parse().expect("a token is a header value");
             request.headers_mut().insert("authorization", value);
         }

@@ -42,13 +42,16 @@ impl RandomFaults {
         })
     }
 
-    /// Starts a server at an address.
-    pub(super) fn start_server(&self, bind: &str) -> ServerProcess {
+    /// Starts a server at an address with further options.
+    pub(super) fn start_server(&self, bind: &str, options: &[String]) -> ServerProcess {
         #[cfg(target_os = "linux")]
         if let Some(control) = &self.control {
-            return ServerProcess::spawn(control.serve_command(bind, &self.db), std::process::Stdio::null());
+            let mut command = control.serve_command(bind, &self.db);
+            command.args(options);
+            return ServerProcess::spawn(command, std::process::Stdio::null());
         }
-        ServerProcess::start_at(bind, &self.db, &[])
+        let options: Vec<_> = options.iter().map(String::as_str).collect();
+        ServerProcess::start_at(bind, &self.db, &options)
     }
 
     /// Lets a server live for a time. In the second half of it, a fault begins that depends on the number of the server.

@@ -22,7 +22,7 @@ use self::acknowledgements::ServerState;
 pub use self::acknowledgements::{AcknowledgementLog, CrashReport};
 use self::faults::RandomFaults;
 use self::trainers::Trainer;
-use crate::{ApiClient, try_wait_for};
+use crate::{ApiClient, TlsFiles, try_wait_for};
 
 /// Id of the run that all trainers use.
 const RUN: &str = "survivor";
@@ -55,10 +55,24 @@ pub struct CrashPlan {
     pub max_lifetime_ms: u64,
     /// True if the run keeps few leases in full, so that servers are also killed while they compact.
     pub compacts: bool,
+    /// True if the trainers connect with TLS.
+    pub tls: bool,
     /// True if the disk is full, a sync fails or another process locks the database when some servers are killed. Linux only.
     pub faults: bool,
     /// Interval of progress lines on stderr, in seconds; 0 prints none.
     pub progress_interval_s: u64,
+}
+
+/// Files of TLS in a folder that is deleted after the test.
+struct TlsFolder {
+    files: TlsFiles,
+    _folder: tempfile::TempDir,
+}
+
+impl TlsFolder {
+    fn new(folder: tempfile::TempDir) -> Self {
+        Self { files: TlsFiles::create(folder.path()), _folder: folder }
+    }
 }
 
 /// Number of exits of the server during a test.
@@ -77,13 +91,16 @@ struct ServerExits {
 /// missing or counted twice.
 pub async fn run_crash_test(db: &Path, plan: CrashPlan) -> anyhow::Result<CrashReport> {
     let mut faults = RandomFaults::new(db, plan.faults)?;
-    let mut server = faults.start_server("127.0.0.1:0");
+    let tls = plan.tls.then(tempfile::tempdir).transpose()?.map(TlsFolder::new);
+    let options = tls.as_ref().map_or_else(Vec::new, |tls| tls.files.serve_options().to_vec());
+    let mut server = faults.start_server("127.0.0.1:0", &options);
     let address = server.address().to_owned();
-    create_run(&server.api(), plan).await?;
+    let api = tls.as_ref().map_or_else(|| server.api(), |tls| tls.files.api(server.url()));
+    create_run(&api, plan).await?;
 
     let (log, stop) = (Arc::new(AcknowledgementLog::default()), Arc::new(AtomicBool::new(false)));
     let mut trainers = JoinSet::new();
-    let trainer = |seed| Trainer::new(&server.api(), &log, &stop, seed);
+    let trainer = |seed| Trainer::new(&api, &log, &stop, seed);
     trainers.spawn(trainer(1).report_results());
     trainers.spawn(trainer(2).report_results());
     trainers.spawn(trainer(3).claim_columns());
@@ -115,7 +132,7 @@ pub async fn run_crash_test(db: &Path, plan: CrashPlan) -> anyhow::Result<CrashR
             exits.kills += 1;
         }
         faults.clear().await;
-        server = faults.start_server(&address);
+        server = faults.start_server(&address, &options);
         if plan.progress_interval_s > 0
             && last_progress.elapsed() > Duration::from_secs(plan.progress_interval_s)
         {
@@ -128,7 +145,7 @@ pub async fn run_crash_test(db: &Path, plan: CrashPlan) -> anyhow::Result<CrashR
     while let Some(ended) = trainers.join_next().await {
         ended??;
     }
-    let report = drain_and_compare(&server.api(), &log, exits).await?;
+    let report = drain_and_compare(&api, &log, exits).await?;
     ensure!(server.terminate() == Some(0), "the last server did not exit with 0 after SIGTERM");
     Ok(report)
 }

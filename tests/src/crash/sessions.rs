@@ -4,7 +4,7 @@ use futures_util::{SinkExt, StreamExt};
 use serde_json::{Value, json};
 use tokio::net::TcpStream;
 use tokio_tungstenite::tungstenite::Message;
-use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async};
+use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async_tls_with_config};
 
 use super::RUN;
 use super::trainers::{RETRY_INTERVAL, Trainer};
@@ -161,12 +161,13 @@ impl SessionClient {
 
     /// Connects and resumes the session, unless there is a connection. Returns false if the session is lost.
     async fn connect(&mut self, trainer: &Trainer) -> anyhow::Result<bool> {
-        let url = format!("{}/v1/sessions", trainer.api.base().replacen("http", "ws", 1));
+        let url = trainer.api.websocket_url("/v1/sessions");
         while self.socket.is_none() {
             if !trainer.is_running() {
                 return Ok(false);
             }
-            let Ok((mut socket, _)) = connect_async(&url).await else {
+            let connected = connect_async_tls_with_config(&url, None, true, trainer.api.connector()).await;
+            let Ok((mut socket, _)) = connected else {
                 trainer.log.record_unreachable();
                 tokio::time::sleep(RETRY_INTERVAL).await;
                 continue;

@@ -18,7 +18,7 @@ use system_tests::{ServerProcess, sparring_binary, wait_until};
 
 /// Runs a crash test with at least `kills` kills and checks the database with `sparring db check`.
 ///
-/// The environment variable `SPARRING_CRASH_SEED` sets the seed; the default is 7.
+/// Trainers use TLS if the disk has faults. The environment variable `SPARRING_CRASH_SEED` sets the seed; the default is 7.
 async fn crash(db: &Path, kills: u32, compacts: bool, faults: bool) -> CrashReport {
     let seed = std::env::var("SPARRING_CRASH_SEED").ok().and_then(|seed| seed.parse().ok()).unwrap_or(7);
     let plan = CrashPlan {
@@ -27,6 +27,7 @@ async fn crash(db: &Path, kills: u32, compacts: bool, faults: bool) -> CrashRepo
         min_lifetime_ms: 50,
         max_lifetime_ms: 1500,
         compacts,
+        tls: faults,
         faults,
         progress_interval_s: 0,
     };
@@ -60,7 +61,7 @@ async fn kills_during_compaction_lose_nothing() {
 
 #[cfg(target_os = "linux")]
 #[tokio::test(flavor = "multi_thread")]
-async fn kills_during_faults_of_disk_and_lock_lose_nothing() {
+async fn kills_with_tls_and_faults_of_disk_and_lock_lose_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("data");
     std::fs::create_dir(&data).unwrap();

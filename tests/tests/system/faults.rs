@@ -8,6 +8,7 @@ mod damage;
 mod disk;
 mod full_disk;
 mod locked;
+mod remount;
 
 use std::path::PathBuf;
 use std::process::{Command, Stdio};

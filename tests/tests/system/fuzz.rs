@@ -306,8 +306,7 @@ async fn mutated_messages_never_fail_the_server() {
     for (place, (path, messages)) in conversations.iter().enumerate() {
         let mut random = Random(10 + place as u64);
         for round in 0..rounds() {
-            let (mut socket, _) =
-                connect_async(format!("{}{path}", api.base().replacen("http", "ws", 1))).await.unwrap();
+            let (mut socket, _) = connect_async(api.websocket_url(path)).await.unwrap();
             for message in messages {
                 let mut message = message.clone();
                 if random.below(3) > 0 {

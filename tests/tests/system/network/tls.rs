@@ -8,62 +8,48 @@ use std::time::{Duration, Instant};
 
 use futures_util::{SinkExt, StreamExt};
 use llm::{TrustedRoots, http_client_builder, tls_config};
-use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, IsCa, KeyPair};
+use rcgen::KeyPair;
 use rustls::pki_types::ServerName;
 use serde_json::{Value, json};
-use system_tests::{ServerProcess, sparring_binary, wait_until};
+use system_tests::{ServerProcess, TlsFiles, sparring_binary, wait_until};
 use tokio::net::TcpStream;
 use tokio_rustls::TlsConnector;
+use tokio_tungstenite::connect_async_tls_with_config;
 use tokio_tungstenite::tungstenite::Message;
-use tokio_tungstenite::{Connector, connect_async_tls_with_config};
 
 use super::exchange;
 
-/// Folder with a certificate authority, the certificate and key of a server, a database and a log.
+/// Files of TLS, and a folder for a database and a log.
 struct TlsFolder {
     folder: tempfile::TempDir,
-    issuer: CertifiedIssuer<'static, KeyPair>,
+    files: TlsFiles,
 }
 
 impl TlsFolder {
     fn new() -> Self {
-        let mut params = CertificateParams::default();
-        params.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
-        let issuer = CertifiedIssuer::self_signed(params, KeyPair::generate().unwrap()).unwrap();
         let folder = tempfile::tempdir().unwrap();
-        let files = Self { folder, issuer };
-        std::fs::write(files.path("ca.pem"), files.issuer.pem()).unwrap();
-        files.issue();
-        files
+        let files = TlsFiles::create(folder.path());
+        Self { folder, files }
     }
 
     fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
-    /// Issues a new certificate with a new key.
     fn issue(&self) {
-        let key = KeyPair::generate().unwrap();
-        let params = CertificateParams::new(["localhost", "127.0.0.1"].map(str::to_owned)).unwrap();
-        let certificate = params.signed_by(&key, &self.issuer).unwrap();
-        std::fs::write(self.path("cert.pem"), certificate.pem()).unwrap();
-        std::fs::write(self.path("key.pem"), key.serialize_pem()).unwrap();
+        self.files.issue();
     }
 
     fn command(&self) -> Command {
         let mut command = Command::new(sparring_binary());
         command.args(["serve", "--bind", "127.0.0.1:0", "--db"]).arg(self.path("db.sqlite3"));
-        command.arg("--tls-cert").arg(self.path("cert.pem")).arg("--tls-key").arg(self.path("key.pem"));
+        command.args(self.files.serve_options());
         command
     }
 
     fn start(&self) -> ServerProcess {
         let log = std::fs::File::create(self.path("log")).unwrap();
         ServerProcess::spawn(self.command(), Stdio::from(log))
-    }
-
-    fn client(&self) -> reqwest::Client {
-        http_client_builder(TrustedRoots::File(&self.path("ca.pem"))).unwrap().build().unwrap()
     }
 }
 
@@ -84,20 +70,16 @@ async fn requests_and_websockets_use_tls() {
     let files = TlsFolder::new();
     let server = files.start();
     assert!(server.url().starts_with("https://127.0.0.1:"), "{}", server.url());
-    let client = files.client();
-    let run =
-        client.post(format!("{}/v1/runs", server.url())).json(&json!({"id": "run"})).send().await.unwrap();
-    assert_eq!(run.status(), 201);
+    let api = files.files.api(server.url());
+    let _ = api.post("/v1/runs", json!({"id": "run"})).await.expect(201);
     let stranger = http_client_builder(TrustedRoots::System).unwrap().build().unwrap();
     assert!(
         stranger.get(format!("{}/livez", server.url())).send().await.is_err(),
         "the authority is unknown"
     );
 
-    let url = format!("{}/ws", server.url().replacen("https", "wss", 1));
-    let connector =
-        Connector::Rustls(Arc::new(tls_config(TrustedRoots::File(&files.path("ca.pem"))).unwrap()));
-    let (mut socket, _) = connect_async_tls_with_config(url, None, true, Some(connector)).await.unwrap();
+    let (mut socket, _) =
+        connect_async_tls_with_config(api.websocket_url("/ws"), None, true, api.connector()).await.unwrap();
     let reset = json!({"type": "reset", "data": {"seed": 1}}).to_string();
     socket.send(Message::text(reset)).await.unwrap();
     let reply: Value =
