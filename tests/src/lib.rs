@@ -12,6 +12,7 @@ pub mod mock_llm;
 mod polling;
 mod process;
 mod raw_socket;
+pub mod scale;
 mod tls;
 mod websocket;
 

@@ -1,6 +1,6 @@
 //! Certificate authority of a test, and the certificate and key of a server under it.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use llm::{TrustedRoots, http_client_builder, tls_config};
@@ -9,10 +9,10 @@ use tokio_tungstenite::Connector;
 
 use crate::ApiClient;
 
-/// Folder with the files `ca.pem`, `cert.pem` and `key.pem`.
+/// Temporary folder with the files `ca.pem`, `cert.pem` and `key.pem`.
 #[derive(Debug)]
 pub struct TlsFiles {
-    folder: PathBuf,
+    folder: tempfile::TempDir,
     issuer: CertifiedIssuer<'static, KeyPair>,
 }
 
@@ -22,12 +22,13 @@ impl TlsFiles {
     /// # Panics
     /// Panics if the folder cannot be written.
     #[must_use]
-    pub fn create(folder: &Path) -> Self {
+    pub fn create() -> Self {
         let mut params = CertificateParams::default();
         params.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
         let key = KeyPair::generate().expect("a key");
         let issuer = CertifiedIssuer::self_signed(params, key).expect("the authority signs itself");
-        let files = Self { folder: folder.to_owned(), issuer };
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let files = Self { folder, issuer };
         std::fs::write(files.path("ca.pem"), files.issuer.pem()).expect("the folder is writable");
         files.issue();
         files
@@ -49,7 +50,7 @@ impl TlsFiles {
     /// Path of a file in the folder.
     #[must_use]
     pub fn path(&self, name: &str) -> PathBuf {
-        self.folder.join(name)
+        self.folder.path().join(name)
     }
 
     /// Options of `sparring serve` that use the certificate.

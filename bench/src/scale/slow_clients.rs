@@ -6,9 +6,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use serde_json::json;
+use system_tests::scale::send_slowly;
 use system_tests::{ApiClient, ServerProcess};
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use tokio::net::TcpStream;
 use tokio::task::JoinSet;
 
 use crate::sockets::process;
@@ -35,12 +34,16 @@ async fn run(connections: usize) -> anyhow::Result<Vec<Row>> {
     let (mut without, mut with, mut closed) = (Vec::new(), Vec::new(), 0);
     let mut memory = [0.0; 2];
     for is_slow in [false, true, true, false] {
-        let closed_by_server = Arc::new(AtomicU64::new(0));
+        let (opened, closed_by_server) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicU64::new(0)));
         let mut slow = JoinSet::new();
         for _ in 0..if is_slow { connections } else { 0 } {
-            slow.spawn(send_slowly(server.address().to_owned(), Arc::clone(&closed_by_server)));
+            let (address, opened, closed) =
+                (server.address().to_owned(), Arc::clone(&opened), Arc::clone(&closed_by_server));
+            slow.spawn(async move { send_slowly(address, &opened, &closed).await });
         }
-        tokio::time::sleep(Duration::from_secs(2)).await; // all connections are open
+        while opened.load(Ordering::Relaxed) < u64::try_from(slow.len())? {
+            tokio::time::sleep(Duration::from_millis(100)).await;
+        }
         let times = train(&server.api()).await?;
         memory[usize::from(is_slow)] = process::resident_bytes(server.pid())? as f64 / f64::from(1 << 20);
         if is_slow {
@@ -71,32 +74,6 @@ async fn run(connections: usize) -> anyhow::Result<Vec<Row>> {
             ratio: None,
         },
     ])
-}
-
-/// Sends the head of a request byte by byte, on a new connection whenever the server closes the last one.
-async fn send_slowly(address: String, closed: Arc<AtomicU64>) {
-    loop {
-        let Ok(mut stream) = TcpStream::connect(&address).await else {
-            tokio::time::sleep(Duration::from_secs(1)).await;
-            continue;
-        };
-        if stream.write_all(b"GET /livez HTTP/1.1\r\nHost: localhost\r\nX-Slow: ").await.is_err() {
-            continue;
-        }
-        let mut buffer = [0; 256];
-        loop {
-            tokio::select! {
-                read = stream.read(&mut buffer) => {
-                    if read.is_ok_and(|bytes| bytes > 0) { continue }
-                    closed.fetch_add(1, Ordering::Relaxed);
-                    break;
-                }
-                () = tokio::time::sleep(Duration::from_secs(1)) => {
-                    if stream.write_all(b"a").await.is_err() { break }
-                }
-            }
-        }
-    }
 }
 
 /// Lets trainers lease and report for a phase; returns the durations of the reports, milliseconds.

@@ -63,18 +63,6 @@ pub struct CrashPlan {
     pub progress_interval_s: u64,
 }
 
-/// Files of TLS in a folder that is deleted after the test.
-struct TlsFolder {
-    files: TlsFiles,
-    _folder: tempfile::TempDir,
-}
-
-impl TlsFolder {
-    fn new(folder: tempfile::TempDir) -> Self {
-        Self { files: TlsFiles::create(folder.path()), _folder: folder }
-    }
-}
-
 /// Number of exits of the server during a test.
 #[derive(Debug, Clone, Copy, Default)]
 struct ServerExits {
@@ -91,11 +79,11 @@ struct ServerExits {
 /// missing or counted twice.
 pub async fn run_crash_test(db: &Path, plan: CrashPlan) -> anyhow::Result<CrashReport> {
     let mut faults = RandomFaults::new(db, plan.faults)?;
-    let tls = plan.tls.then(tempfile::tempdir).transpose()?.map(TlsFolder::new);
-    let options = tls.as_ref().map_or_else(Vec::new, |tls| tls.files.serve_options().to_vec());
+    let tls = plan.tls.then(TlsFiles::create);
+    let options = tls.as_ref().map_or_else(Vec::new, |tls| tls.serve_options().to_vec());
     let mut server = faults.start_server("127.0.0.1:0", &options);
     let address = server.address().to_owned();
-    let api = tls.as_ref().map_or_else(|| server.api(), |tls| tls.files.api(server.url()));
+    let api = tls.as_ref().map_or_else(|| server.api(), |tls| tls.api(server.url()));
     create_run(&api, plan).await?;
 
     let (log, stop) = (Arc::new(AcknowledgementLog::default()), Arc::new(AtomicBool::new(false)));

@@ -39,6 +39,7 @@ mod retention;
 mod run_deletion;
 mod run_tags;
 mod runs_command;
+mod scale;
 mod serve_command;
 mod stepping;
 mod training_loop;

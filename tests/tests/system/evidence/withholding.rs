@@ -1,6 +1,7 @@
 //! Trainers that report the groups they win and keep the others leased.
 
 use serde_json::{Value, json};
+use system_tests::wait_until;
 
 use super::{EvidenceServer, create_run, hold_results, task};
 
@@ -75,4 +76,24 @@ async fn renewed_group_is_missing_once_later_results_wait() {
     let (result, _) = hold_results(&withheld).remove(0);
     let report = api.report("run", vec![result]).await;
     assert_eq!(report["results"][0]["status"], "late", "{report}");
+}
+
+/// The same without a later report: the server looks at renewed leases once a second.
+#[tokio::test(flavor = "multi_thread")]
+async fn renewed_group_is_missing_by_the_clock() {
+    let server = EvidenceServer::start();
+    let api = server.api();
+    create_run(&api, "run", json!({})).await;
+    let withheld = api.lease("run", json!({"groups": 1, "ttl_s": 20})).await;
+    let later = api.lease("run", json!({"groups": 80})).await;
+    api.report("run", hold_results(&later).into_iter().map(|(result, _)| result).collect()).await;
+    let waiting = task(&api, "run").await;
+    assert_eq!(waiting["mastery"]["n"], 0, "the lease is younger than its first lifetime: {waiting}");
+    // The renewed deadline is later than the first one, at which the group is missing.
+    let renew = format!("/v1/runs/run/leases/{}/renew", withheld.id());
+    wait_until("the withheld group is missing", async || {
+        let _ = api.post(&renew, json!({})).await;
+        task(&api, "run").await["mastery"]["seen"] == 81
+    })
+    .await;
 }

@@ -1,7 +1,7 @@
 //! The server with TLS, under a certificate authority of the test.
 
 use std::io::{Read, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -19,38 +19,18 @@ use tokio_tungstenite::tungstenite::Message;
 
 use super::exchange;
 
-/// Files of TLS, and a folder for a database and a log.
-struct TlsFolder {
-    folder: tempfile::TempDir,
-    files: TlsFiles,
+/// Command that serves a database in the folder of the certificate.
+fn serve_command(files: &TlsFiles) -> Command {
+    let mut command = Command::new(sparring_binary());
+    command.args(["serve", "--bind", "127.0.0.1:0", "--db"]).arg(files.path("db.sqlite3"));
+    command.args(files.serve_options());
+    command
 }
 
-impl TlsFolder {
-    fn new() -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let files = TlsFiles::create(folder.path());
-        Self { folder, files }
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    fn issue(&self) {
-        self.files.issue();
-    }
-
-    fn command(&self) -> Command {
-        let mut command = Command::new(sparring_binary());
-        command.args(["serve", "--bind", "127.0.0.1:0", "--db"]).arg(self.path("db.sqlite3"));
-        command.args(self.files.serve_options());
-        command
-    }
-
-    fn start(&self) -> ServerProcess {
-        let log = std::fs::File::create(self.path("log")).unwrap();
-        ServerProcess::spawn(self.command(), Stdio::from(log))
-    }
+/// Starts a server whose log is in the folder of the certificate.
+fn start(files: &TlsFiles) -> ServerProcess {
+    let log = std::fs::File::create(files.path("log")).unwrap();
+    ServerProcess::spawn(serve_command(files), Stdio::from(log))
 }
 
 /// Connects with these protocols; returns the protocol that the server selects and its certificate.
@@ -67,10 +47,10 @@ async fn handshake(address: &str, ca: &Path, protocols: &[&[u8]]) -> std::io::Re
 
 #[tokio::test(flavor = "multi_thread")]
 async fn requests_and_websockets_use_tls() {
-    let files = TlsFolder::new();
-    let server = files.start();
+    let files = TlsFiles::create();
+    let server = start(&files);
     assert!(server.url().starts_with("https://127.0.0.1:"), "{}", server.url());
-    let api = files.files.api(server.url());
+    let api = files.api(server.url());
     let _ = api.post("/v1/runs", json!({"id": "run"})).await.expect(201);
     let stranger = http_client_builder(TrustedRoots::System).unwrap().build().unwrap();
     assert!(
@@ -90,8 +70,8 @@ async fn requests_and_websockets_use_tls() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn handshakes_offer_http1_only_and_end_in_time() {
-    let files = TlsFolder::new();
-    let server = files.start();
+    let files = TlsFiles::create();
+    let server = start(&files);
     let (address, ca) = (server.address().to_owned(), files.path("ca.pem"));
     let both = handshake(&address, &ca, &[b"h2", b"http/1.1"]).await.unwrap();
     assert_eq!(both.0, b"http/1.1");
@@ -120,8 +100,8 @@ async fn handshakes_offer_http1_only_and_end_in_time() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn hangup_reads_the_certificate_again() {
-    let files = TlsFolder::new();
-    let server = files.start();
+    let files = TlsFiles::create();
+    let server = start(&files);
     let certificate = async || {
         let ca = files.path("ca.pem");
         handshake(server.address(), &ca, &[b"http/1.1"]).await.map(|(_, certificate)| certificate)
@@ -158,8 +138,8 @@ fn sparring(args: &[&str], ca: Option<&Path>) -> Output {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn subcommands_reach_a_server_with_tls() {
-    let files = TlsFolder::new();
-    let server = files.start();
+    let files = TlsFiles::create();
+    let server = start(&files);
     let (url, ca, db) = (server.url().to_owned(), files.path("ca.pem"), files.path("db.sqlite3"));
     let outputs = tokio::task::spawn_blocking(move || {
         let by_url = ["runs", "list", "--url", &url];
@@ -190,7 +170,7 @@ async fn subcommands_reach_a_server_with_tls() {
 
 #[test]
 fn unusable_certificates_are_rejected_at_the_start() {
-    let files = TlsFolder::new();
+    let files = TlsFiles::create();
     let error_of = |command: &mut Command| {
         let output = command.output().unwrap();
         assert!(!output.status.success());
@@ -201,10 +181,10 @@ fn unusable_certificates_are_rejected_at_the_start() {
     let error = error_of(&mut command);
     assert!(error.contains("--tls-cert needs a private key; set --tls-key"), "{error}");
     std::fs::write(files.path("key.pem"), KeyPair::generate().unwrap().serialize_pem()).unwrap();
-    let error = error_of(&mut files.command());
+    let error = error_of(&mut serve_command(&files));
     assert!(error.contains("does not fit the certificate"), "{error}");
     std::fs::remove_file(files.path("key.pem")).unwrap();
-    let error = error_of(&mut files.command());
+    let error = error_of(&mut serve_command(&files));
     assert!(error.contains("--tls-key: the file") && error.contains("cannot be used"), "{error}");
     assert!(!files.path("db.sqlite3").exists(), "a rejected start creates no file");
 }
