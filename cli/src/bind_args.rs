@@ -53,20 +53,36 @@ impl BindArgs {
 
 /// Parses `HOST:PORT`, `HOST`, `:PORT` or `PORT`. A host is an IP address or a name such as `localhost`.
 fn parse_bind(text: &str) -> Result<BindAddress, String> {
+    match parse_literal(text)? {
+        LiteralAddress::Address(address) => Ok(address),
+        LiteralAddress::Name { host, port } => resolve(host, port),
+    }
+}
+
+/// Text of `--bind` before names are resolved.
+#[derive(Debug, Clone, Copy)]
+enum LiteralAddress<'a> {
+    Address(BindAddress),
+    Name { host: &'a str, port: Option<u16> },
+}
+
+/// Parses an address, or splits a text into a name and a port.
+fn parse_literal(text: &str) -> Result<LiteralAddress<'_>, String> {
     let expected =
         || format!("{text:?} is no address: use HOST:PORT such as localhost:8700, a host, or a port");
-    if let Ok(address) = text.parse::<SocketAddr>() {
-        return Ok(BindAddress { host: address.ip(), port: Some(address.port()) });
+    let address = |host, port| Ok(LiteralAddress::Address(BindAddress { host, port }));
+    if let Ok(socket) = text.parse::<SocketAddr>() {
+        return address(socket.ip(), Some(socket.port()));
     }
     if let Ok(port) = text.strip_prefix(':').unwrap_or(text).parse::<u16>() {
-        return Ok(BindAddress { host: DEFAULT_HOST, port: Some(port) });
+        return address(DEFAULT_HOST, Some(port));
     }
     // The system would resolve a number as an IPv4 address.
     if text.chars().all(|c| c.is_ascii_digit()) {
         return Err(format!("{text:?} is no port: a port is 0 to 65535"));
     }
     if let Ok(host) = text.trim_matches(['[', ']']).parse::<IpAddr>() {
-        return Ok(BindAddress { host, port: None });
+        return address(host, None);
     }
     let (host, port) = match text.rsplit_once(':') {
         Some((host, port)) => (host, Some(port.parse().map_err(|_| expected())?)),
@@ -75,13 +91,31 @@ fn parse_bind(text: &str) -> Result<BindAddress, String> {
     if host.is_empty() {
         return Err(expected());
     }
+    Ok(LiteralAddress::Name { host, port })
+}
+
+/// Resolves a name to its first address, an IPv4 address if it has one.
+fn resolve(host: &str, port: Option<u16>) -> Result<BindAddress, String> {
     let found = (host, DEFAULT_PORT)
         .to_socket_addrs()
         .map_err(|error| format!("host {host:?} is unknown: {error}"))?;
     // A name such as localhost may have an IPv6 and an IPv4 address. Clients try IPv4 addresses in any case.
     let mut found: Vec<SocketAddr> = found.collect();
     found.sort_by_key(SocketAddr::is_ipv6);
-    found.first().map(|address| BindAddress { host: address.ip(), port }).ok_or_else(expected)
+    let first = found.first().ok_or_else(|| format!("host {host:?} has no address"))?;
+    Ok(BindAddress { host: first.ip(), port })
+}
+
+/// Parses a text for fuzz tests, which must not resolve names. Returns the text of the address, or the name and its port.
+pub(crate) fn literal_text(text: &str) -> Result<String, String> {
+    Ok(match parse_literal(text)? {
+        LiteralAddress::Address(BindAddress { host, port: Some(port) }) => {
+            SocketAddr::new(host, port).to_string()
+        }
+        LiteralAddress::Address(BindAddress { host, port: None }) => host.to_string(),
+        LiteralAddress::Name { host, port: Some(port) } => format!("{host}:{port}"),
+        LiteralAddress::Name { host, port: None } => host.to_owned(),
+    })
 }
 
 #[cfg(test)]

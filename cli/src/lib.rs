@@ -13,6 +13,8 @@ pub mod completions;
 pub mod config;
 pub mod db;
 pub mod demo;
+#[doc(hidden)]
+pub mod fuzzing;
 pub mod judge;
 pub mod man;
 mod own_service;

@@ -98,12 +98,12 @@ impl From<RoleArg> for Role {
 
 /// Lifetime of a token.
 #[derive(Debug, Clone, Copy)]
-enum TokenLifetime {
+pub(crate) enum TokenLifetime {
     For(SignedDuration),
     Ever,
 }
 
-fn parse_lifetime(text: &str) -> Result<TokenLifetime, String> {
+pub(crate) fn parse_lifetime(text: &str) -> Result<TokenLifetime, String> {
     if text == "never" {
         return Ok(TokenLifetime::Ever);
     }

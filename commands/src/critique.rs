@@ -159,7 +159,7 @@ struct ActionsFile {
     stopped: Option<String>,
 }
 
-fn parse_actions(scenario: &Scenario, value: Value) -> anyhow::Result<ActionLog> {
+pub(crate) fn parse_actions(scenario: &Scenario, value: Value) -> anyhow::Result<ActionLog> {
     let actions = match value {
         Value::Array(steps) => ActionsFile { steps, precision: None, stopped: None },
         other => strict_input::from_value(other)?,

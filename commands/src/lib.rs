@@ -13,6 +13,8 @@ pub mod demo;
 pub mod design;
 pub mod eval;
 pub mod files;
+#[doc(hidden)]
+pub mod fuzzing;
 pub mod interrupt;
 pub mod llm_args;
 pub mod logs;

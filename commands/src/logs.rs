@@ -129,7 +129,7 @@ fn is_frames(line: &Metadata<'_>) -> bool {
     *line.level() == Level::TRACE && line.target().starts_with("tungstenite")
 }
 
-fn parse_log_filter(filter: &str) -> Result<String, String> {
+pub(crate) fn parse_log_filter(filter: &str) -> Result<String, String> {
     // A bare word may name a target, which would log everything of it and nothing else: this is hardly ever intended.
     let has_level = |part: &&str| part.contains(['=', '[']) || part.trim().parse::<LevelFilter>().is_ok();
     if let Some(part) = filter.split(',').find(|part| !has_level(part)) {

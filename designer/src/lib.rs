@@ -16,6 +16,8 @@ mod design_language;
 mod designer;
 mod docking;
 mod field_error;
+#[doc(hidden)]
+pub mod fuzzing;
 pub mod gate;
 pub mod kessler;
 pub mod llm_designer;

@@ -112,8 +112,18 @@ fn read_layouts(path: &Path) -> Result<Vec<StoredLayout>, DesignError> {
         return Err(file_error(format!("must have at most {MAX_FILE_BYTES} bytes, got {size}")));
     }
     let text = std::fs::read_to_string(path).map_err(|error| file_error(error.to_string()))?;
-    let file: LayoutFile =
-        serde_json::from_str(&text).map_err(|error| file_error(format!("not a file of layouts: {error}")))?;
+    parse_layouts(path, &text)
+}
+
+/// Parses the text of a file of layouts; `path` is its name in errors.
+///
+/// # Errors
+/// Returns [`DesignError::File`] if the text is no such file, and [`DesignError::Layout`] for the first invalid layout.
+pub fn parse_layouts(path: &Path, text: &str) -> Result<Vec<StoredLayout>, DesignError> {
+    let file: LayoutFile = serde_json::from_str(text).map_err(|error| DesignError::File {
+        file: path.display().to_string(),
+        reason: format!("not a file of layouts: {error}"),
+    })?;
     let layout = |(index, entry): (usize, LayoutEntry)| match Scenario::from_json(&entry.scenario)
         .and_then(require_user_seed)
     {

@@ -10,6 +10,8 @@
 
 mod action_codec;
 mod chat;
+#[doc(hidden)]
+pub mod fuzzing;
 mod history;
 pub mod judging;
 mod kessler;

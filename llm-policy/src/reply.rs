@@ -9,7 +9,7 @@ use super::action_codec::ActionCodec;
 ///
 /// # Errors
 /// Returns the reason why there is no action, as half a sentence that the model can act on.
-pub(super) fn parse_action(text: &str, codec: &ActionCodec, config: &LlmConfig) -> Result<Value, String> {
+pub fn parse_action(text: &str, codec: &ActionCodec, config: &LlmConfig) -> Result<Value, String> {
     if text.len() > MAX_ANSWER_BYTES {
         return Err(format!("it has {} bytes, more than {MAX_ANSWER_BYTES}", text.len()));
     }

@@ -20,6 +20,8 @@ mod config;
 mod endpoint;
 mod error;
 mod extract;
+#[doc(hidden)]
+pub mod fuzzing;
 mod health;
 mod openai;
 mod ordered_schema;

@@ -32,7 +32,7 @@ pub(crate) fn extend_pause(error: &LlmError, pause: Duration) -> Option<Duration
 }
 
 /// Parses `Retry-After`: seconds or a date (RFC 9110, 10.2.3). `now_ms` is in milliseconds since 1970 UTC.
-pub(crate) fn parse_retry_after(value: &str, now_ms: i64) -> Option<Duration> {
+pub fn parse_retry_after(value: &str, now_ms: i64) -> Option<Duration> {
     let value = value.trim();
     if let Ok(seconds) = value.parse::<f64>() {
         return Duration::try_from_secs_f64(seconds).ok();

@@ -53,22 +53,14 @@ struct BracketBody {
 /// # Errors
 /// Returns [`StoreError::Database`] if a statement fails.
 pub async fn insert(conn: &mut SqliteConnection, brackets: &[(&[u8], &Bracket)]) -> Result<(), StoreError> {
-    let body = |bracket: &Bracket| {
-        let json = to_json(&BracketBody {
-            floor: bracket.floor,
-            panel: bracket.panel.iter().map(|outcome| (*outcome).into()).collect(),
-            reference: bracket.reference.into(),
-        })?;
-        Ok::<_, StoreError>(pack(json.into_bytes()))
-    };
     for rows in brackets.chunks(MAX_ROWS) {
-        let rows = rows.iter().map(|(scenario, bracket)| Ok((*scenario, bracket, body(bracket)?)));
+        let rows = rows.iter().map(|(scenario, bracket)| Ok((*scenario, bracket, pack_bracket(bracket)?)));
         let rows = rows.collect::<Result<Vec<_>, StoreError>>()?;
         let mut statement =
             QueryBuilder::new("INSERT INTO brackets (scenario, planner_version, body, reference_plan) ");
-        statement.push_values(&rows, |mut values, (scenario, bracket, body)| {
-            values.push_bind(*scenario).push_bind(i64::from(bracket.planner_version)).push_bind(body);
-            values.push_bind(pack(bracket.reference_plan.encode()));
+        statement.push_values(&rows, |mut values, (scenario, bracket, packed)| {
+            values.push_bind(*scenario).push_bind(i64::from(bracket.planner_version)).push_bind(&packed.body);
+            values.push_bind(&packed.reference_plan);
         });
         let statement = statement.push(" ON CONFLICT (scenario, planner_version) DO NOTHING").build();
         statement.execute(&mut *conn).await?;
@@ -133,14 +125,38 @@ struct BracketRow {
 
 impl BracketRow {
     fn decode(self) -> Result<Bracket, StoreError> {
-        let body: BracketBody = serde_json::from_slice(&unpack("a bracket", &self.body)?)
-            .map_err(|error| StoreError::corrupt("a bracket", error))?;
-        Ok(Bracket {
-            planner_version: super::to_u32(self.planner_version),
-            panel: body.panel.into_iter().map(Into::into).collect(),
-            floor: body.floor,
-            reference: body.reference.into(),
-            reference_plan: ActionLog::decode(&unpack("a reference plan", &self.reference_plan)?)?,
-        })
+        let Self { planner_version, body, reference_plan, .. } = self;
+        unpack_bracket(planner_version, &PackedBracket { body, reference_plan })
     }
+}
+
+/// Bracket as it is stored.
+pub(crate) struct PackedBracket {
+    /// Content of the `body` column.
+    pub(crate) body: Vec<u8>,
+    /// Content of the `reference_plan` column.
+    pub(crate) reference_plan: Vec<u8>,
+}
+
+/// Packs a bracket into the columns of a row.
+pub(crate) fn pack_bracket(bracket: &Bracket) -> Result<PackedBracket, StoreError> {
+    let json = to_json(&BracketBody {
+        floor: bracket.floor,
+        panel: bracket.panel.iter().map(|outcome| (*outcome).into()).collect(),
+        reference: bracket.reference.into(),
+    })?;
+    Ok(PackedBracket { body: pack(json.into_bytes()), reference_plan: pack(bracket.reference_plan.encode()) })
+}
+
+/// Unpacks the columns of a row.
+pub(crate) fn unpack_bracket(planner_version: i64, packed: &PackedBracket) -> Result<Bracket, StoreError> {
+    let body: BracketBody = serde_json::from_slice(&unpack("a bracket", &packed.body)?)
+        .map_err(|error| StoreError::corrupt("a bracket", error))?;
+    Ok(Bracket {
+        planner_version: super::to_u32(planner_version),
+        panel: body.panel.into_iter().map(Into::into).collect(),
+        floor: body.floor,
+        reference: body.reference.into(),
+        reference_plan: ActionLog::decode(&unpack("a reference plan", &packed.reference_plan)?)?,
+    })
 }

@@ -239,7 +239,7 @@ pub async fn logs(
     Ok(logs.collect())
 }
 
-fn decode_log(body: &[u8]) -> Result<ActionLog, StoreError> {
+pub(crate) fn decode_log(body: &[u8]) -> Result<ActionLog, StoreError> {
     Ok(ActionLog::decode(&unpack("an action log", body)?)?)
 }
 

@@ -28,6 +28,8 @@ pub mod events;
 pub mod failure_sectors;
 pub mod failures;
 mod file_watch;
+#[doc(hidden)]
+pub mod fuzzing;
 pub mod gc;
 pub mod group_counters;
 pub mod group_results;

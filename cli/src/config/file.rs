@@ -43,6 +43,14 @@ impl ConfigFile {
     /// Returns an error if the file cannot be read or is not TOML.
     pub(super) fn read(path: PathBuf) -> anyhow::Result<Self> {
         let text = files::read_text(&path).context("the configuration file")?;
+        Self::parse(path, &text)
+    }
+
+    /// Parses the text of a file; `path` is its name in errors.
+    ///
+    /// # Errors
+    /// Returns an error if the text is not TOML.
+    pub(crate) fn parse(path: PathBuf, text: &str) -> anyhow::Result<Self> {
         let settings = text.parse::<Table>().map_err(|error| {
             let line = error.span().map(|span| text[..span.start].matches('\n').count() + 1);
             let place = line.map_or_else(String::new, |line| format!(", line {line}"));

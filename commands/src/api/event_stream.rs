@@ -93,7 +93,7 @@ impl<'a> EventStream<'a> {
 
 /// Parser of Server-Sent Events (HTML Living Standard, section 9.2.6). The server ends lines with `\n` only.
 #[derive(Debug, Default)]
-struct EventParser {
+pub(crate) struct EventParser {
     /// Bytes of a line whose end has not arrived.
     line: Vec<u8>,
     last_id: Option<String>,
@@ -103,7 +103,7 @@ struct EventParser {
 
 impl EventParser {
     /// Adds bytes and returns the events that they complete.
-    fn push(&mut self, bytes: &[u8]) -> Vec<StreamedEvent> {
+    pub(crate) fn push(&mut self, bytes: &[u8]) -> Vec<StreamedEvent> {
         let mut events = Vec::new();
         for &byte in bytes {
             if byte == b'\n' {

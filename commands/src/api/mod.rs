@@ -4,7 +4,7 @@
 
 mod ca_args;
 mod connection;
-mod event_stream;
+pub(crate) mod event_stream;
 mod run_list;
 
 use std::time::{Duration, Instant};

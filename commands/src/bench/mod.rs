@@ -243,7 +243,7 @@ fn step_for(stepped_batch: &mut SteppedBatch, time: Duration) -> anyhow::Result<
     }
 }
 
-fn parse_seconds(text: &str) -> Result<f64, String> {
+pub(crate) fn parse_seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if (0.05..=3600.0).contains(&value) => Ok(value),
         _ => Err("must be 0.05 to 3600 seconds".to_owned()),

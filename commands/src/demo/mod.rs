@@ -162,7 +162,7 @@ Examples:
   sparring demo --task survival --physics contact=swept
   sparring demo --task survival --episodes 20000 --db run.sqlite3 --json";
 
-fn parse_episodes(text: &str) -> Result<usize, String> {
+pub(crate) fn parse_episodes(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(number @ 1..=100_000_000) => Ok(number),
         Ok(number) => Err(format!("{number} is outside 1 to 100000000")),

@@ -45,7 +45,7 @@ pub(super) struct TaskSnapshot {
 ///
 /// # Errors
 /// Returns a message if there is no `=` or the value is no finite number.
-pub(super) fn parse_param(text: &str) -> Result<(String, f64), String> {
+pub(crate) fn parse_param(text: &str) -> Result<(String, f64), String> {
     let (name, value) = text.split_once('=').ok_or("a param must be NAME=VALUE, such as fuel=20")?;
     let number = value.parse::<f64>().ok().filter(|value| value.is_finite());
     let number = number.ok_or_else(|| format!("{name} must be a number, got {value:?}"))?;

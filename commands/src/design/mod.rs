@@ -4,7 +4,7 @@
 //! [`designers`] creates the designer, [`design_report`] holds the results, [`table`], [`files`] and [`dry_run`] print them.
 //! The designers and the gate themselves live in the crate `designer`.
 
-mod brief;
+pub(crate) mod brief;
 mod design_report;
 mod designers;
 mod dry_run;

@@ -9,7 +9,7 @@ mod episode_policy;
 mod model;
 mod openenv_task;
 mod runner;
-mod session;
+pub(crate) mod session;
 mod summary;
 mod transcript;
 

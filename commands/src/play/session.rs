@@ -45,7 +45,7 @@ impl fmt::Debug for ServerAddress {
 
 /// Failure of a session.
 #[derive(Debug, thiserror::Error)]
-pub(super) enum SessionError {
+pub(crate) enum SessionError {
     /// The server cannot be reached.
     #[error("the environment at {at} cannot be reached: {reason}")]
     Unreachable { at: String, reason: String },
@@ -228,7 +228,7 @@ impl Session {
 }
 
 /// Parses a response of the server.
-fn parse_response(text: &str) -> Result<TimeStep, SessionError> {
+pub(crate) fn parse_response(text: &str) -> Result<TimeStep, SessionError> {
     let nonsense = |reason: &str| SessionError::Nonsense { reason: sanitize_line(reason) };
     let mut answer: Value = serde_json::from_str(text).map_err(|error| nonsense(&error.to_string()))?;
     let mut data = answer.get_mut("data").map_or(Value::Null, Value::take);

@@ -55,7 +55,7 @@ pub(super) struct Args {
     output: JsonFlag,
 }
 
-fn parse_field(text: &str) -> Result<(String, Value), String> {
+pub(crate) fn parse_field(text: &str) -> Result<(String, Value), String> {
     let (name, value) = text.split_once('=').ok_or("use FIELD=VALUE, such as max_staleness=2")?;
     let value = serde_json::from_str(value).unwrap_or_else(|_| Value::from(value));
     Ok((name.to_owned(), value))

@@ -1,7 +1,7 @@
 //! `sparring runs`: lists, shows, creates, changes and deletes runs, over HTTP or in a database without a server.
 
 mod change;
-mod create;
+pub(crate) mod create;
 mod delete;
 mod list;
 mod members;

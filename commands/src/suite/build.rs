@@ -249,7 +249,7 @@ fn seeds(suite: &str, task: &str, level: usize, part: SuitePart) -> impl FnMut()
     move || Seed::in_space(SeedSpace::Evaluation, generator.next_u64())
 }
 
-fn parse_name(name: &str) -> Result<String, String> {
+pub(crate) fn parse_name(name: &str) -> Result<String, String> {
     let good = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
     if name.is_empty() || name.len() > 64 || !name.chars().all(good) {
         return Err("a name must have 1 to 64 lowercase letters, digits and hyphens".to_owned());

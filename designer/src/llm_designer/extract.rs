@@ -5,13 +5,13 @@ use serde_json::Value;
 
 /// Designs of an answer.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct ExtractedDesigns {
+pub struct ExtractedDesigns {
     /// Designs, up to the requested maximum.
-    pub(super) designs: Vec<Value>,
+    pub designs: Vec<Value>,
     /// Number of designs beyond the maximum.
-    pub(super) dropped: usize,
+    pub dropped: usize,
     /// True if the answer as a whole is JSON; false if designs were found within other text.
-    pub(super) is_pure_json: bool,
+    pub is_pure_json: bool,
 }
 
 impl ExtractedDesigns {
@@ -26,7 +26,7 @@ impl ExtractedDesigns {
 ///
 /// # Errors
 /// Returns why the answer has no designs, as a sentence that the model can act on.
-pub(super) fn extract_designs(text: &str, max_designs: usize) -> Result<ExtractedDesigns, String> {
+pub fn extract_designs(text: &str, max_designs: usize) -> Result<ExtractedDesigns, String> {
     if text.len() > MAX_ANSWER_BYTES {
         return Err(format!("it has {} bytes, more than {MAX_ANSWER_BYTES}", text.len()));
     }

@@ -6,7 +6,7 @@
 //!
 //! `extract` finds designs in an answer; [`prompt`] has the texts.
 
-mod extract;
+pub(crate) mod extract;
 pub mod prompt;
 #[cfg(test)]
 mod tests;

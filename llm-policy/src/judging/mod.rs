@@ -5,7 +5,7 @@
 //! judges on the same steps.
 
 pub mod agreement;
-mod model;
+pub(crate) mod model;
 mod prompt;
 #[cfg(test)]
 mod tests;

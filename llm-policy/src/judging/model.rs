@@ -167,7 +167,7 @@ fn cache_key(system: &str, user: &str) -> [u8; 32] {
 ///
 /// # Errors
 /// Returns the reason why the reply has no valid verdict.
-pub(super) fn parse_verdict(text: &str, config: &LlmConfig) -> Result<StepVerdict, String> {
+pub fn parse_verdict(text: &str, config: &LlmConfig) -> Result<StepVerdict, String> {
     if text.len() > llm::MAX_ANSWER_BYTES {
         return Err(format!("it has {} bytes, more than the maximum", text.len()));
     }

@@ -3,7 +3,7 @@
 //! The backend learns from error responses how an endpoint constrains answers to a schema: it tries `json_schema` first,
 //! then `json_object`, then plain text with the schema in the prompt. `wire` has the bodies of requests and responses.
 
-mod wire;
+pub(crate) mod wire;
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 

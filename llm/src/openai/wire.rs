@@ -107,7 +107,7 @@ fn schema_error(error: &serde_json::Error) -> LlmError {
 /// # Errors
 /// Returns [`LlmError::InvalidResponse`] if the body is no chat completion or the model declines, and
 /// [`LlmError::Refused`] if the body holds an error: some gateways report errors with status 200.
-pub(super) fn decode_response(body: &str) -> Result<ChatResponse, LlmError> {
+pub fn decode_response(body: &str) -> Result<ChatResponse, LlmError> {
     let body: Value = serde_json::from_str(body).map_err(|error| LlmError::InvalidResponse {
         reason: format!("it is not a chat completion: {error}"),
         tokens_in: None,

@@ -20,7 +20,7 @@ pub(super) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// Format of a request body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum BodyFormat {
+pub enum BodyFormat {
     /// `application/json`, or a type with the suffix `+json`.
     Json,
     /// `application/msgpack` or one of its older names.

@@ -14,6 +14,8 @@ mod dashboard;
 mod date_header;
 mod extract;
 mod filters;
+#[doc(hidden)]
+pub mod fuzzing;
 mod health;
 mod large_body;
 mod metrics;
@@ -136,7 +138,7 @@ pub fn router(app: AppState, access_control: Arc<AccessControl>, surface: ApiSur
         .merge(SwaggerUi::new("/docs").url("/openapi.json", document))
         .fallback(no_such_route)
         .method_not_allowed_fallback(no_such_method)
-        .layer(RequestDecompressionLayer::new().gzip(true).pass_through_unaccepted(true))
+        .layer(decompression())
         .layer(CatchPanicLayer::custom(panicked))
         .layer(axum::middleware::from_fn_with_state(access_control, access::middleware::authorize))
         .layer(axum::middleware::from_fn_with_state(app.writer.clone(), report_outage))
@@ -154,6 +156,11 @@ pub fn router(app: AppState, access_control: Arc<AccessControl>, surface: ApiSur
         .fallback_service(routes)
         .layer(axum::middleware::from_fn(request_head::remove_trailing_slash))
         .layer(axum::middleware::from_fn_with_state(clock, date_header::set_date))
+}
+
+/// Returns the layer that decompresses request bodies. Their size is limited after it.
+fn decompression() -> RequestDecompressionLayer {
+    RequestDecompressionLayer::new().gzip(true).pass_through_unaccepted(true)
 }
 
 /// Applies the request timeout, and closes the connection of a request whose body is not read to its end.

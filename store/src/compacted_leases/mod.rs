@@ -3,7 +3,7 @@
 //! [`packing`] has the contents of a row. A lease may be in several rows, since some of its groups may be compacted later; all
 //! reads of this module join its parts.
 
-mod packing;
+pub(crate) mod packing;
 #[cfg(test)]
 mod tests;
 

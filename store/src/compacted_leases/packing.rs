@@ -105,15 +105,15 @@ struct LeaseBodyRef<'a> {
 }
 
 /// Heads and body of a row, packed.
-pub(super) struct PackedLeases {
+pub struct PackedLeases {
     /// Content of the `lease_rows` column.
-    pub(super) lease_rows: Vec<u8>,
+    pub lease_rows: Vec<u8>,
     /// Content of the `body` column.
-    pub(super) body: Vec<u8>,
+    pub body: Vec<u8>,
 }
 
 /// Packs leases into the columns of a row.
-pub(super) fn pack_leases(leases: &[CompactedLease]) -> Result<PackedLeases, StoreError> {
+pub fn pack_leases(leases: &[CompactedLease]) -> Result<PackedLeases, StoreError> {
     let rows: Vec<&LeaseRow> = leases.iter().map(|lease| &lease.row).collect();
     let bodies = leases.iter().map(|lease| LeaseBodyRef { groups: &lease.groups, claim: &lease.claim });
     let bodies: Vec<LeaseBodyRef<'_>> = bodies.collect();
@@ -137,11 +137,7 @@ pub(super) fn unpack_lease_rows(run: &str, lease_rows: &[u8]) -> Result<Vec<Leas
 }
 
 /// Unpacks the leases of a row.
-pub(super) fn unpack_leases(
-    run: &str,
-    lease_rows: &[u8],
-    body: &[u8],
-) -> Result<Vec<CompactedLease>, StoreError> {
+pub fn unpack_leases(run: &str, lease_rows: &[u8], body: &[u8]) -> Result<Vec<CompactedLease>, StoreError> {
     let rows = unpack_lease_rows(run, lease_rows)?;
     let bodies: Vec<LeaseBody> = decode(body)?;
     if rows.len() != bodies.len() {

@@ -11,15 +11,15 @@ use super::tasks::{RESET_ORDER, known_tasks, task_by_name};
 use crate::sessions::{MAX_NAME_CHARS, SessionRequest};
 
 /// Reads the fields of an object and collects errors.
-pub(super) struct FieldReader<'a> {
+pub(in crate::http) struct FieldReader<'a> {
     object: &'a Map<String, Value>,
     location: Vec<LocSegment>,
-    pub(super) errors: Vec<ValidationError>,
+    pub(in crate::http) errors: Vec<ValidationError>,
 }
 
 impl<'a> FieldReader<'a> {
     /// Creates a reader of the object at a location.
-    pub(super) const fn new(object: &'a Map<String, Value>, location: Vec<LocSegment>) -> Self {
+    pub(in crate::http) const fn new(object: &'a Map<String, Value>, location: Vec<LocSegment>) -> Self {
         Self { object, location, errors: Vec::new() }
     }
 
@@ -164,7 +164,7 @@ impl<'a> FieldReader<'a> {
 }
 
 /// Reads the data of a reset.
-pub(super) fn read_session_request(fields: &mut FieldReader<'_>) -> SessionRequest {
+pub(in crate::http) fn read_session_request(fields: &mut FieldReader<'_>) -> SessionRequest {
     let seed = fields.integer("seed", env_core::seed::MAX_USER_SEED);
     let task = task(fields);
     let policy_version = fields.integer("policy_version", u64::from(u32::MAX));

@@ -116,7 +116,9 @@ pub(super) async fn claim_columns(
 }
 
 /// Reads the columns of a body and the policy version that it names.
-fn read_columns(EncodedBody { format, bytes, .. }: EncodedBody) -> Result<(Option<u32>, Columns), Problem> {
+pub(in crate::http) fn read_columns(
+    EncodedBody { format, bytes, .. }: EncodedBody,
+) -> Result<(Option<u32>, Columns), Problem> {
     let ColumnsBody { policy_version, score, failed, steps } = parse_columns(format, &bytes)?;
     if let Some(at) = failed.0.iter().position(|failed| *failed > 1) {
         return Err(Problem::invalid(format!("failed.{at}"), "must be 0 or 1"));

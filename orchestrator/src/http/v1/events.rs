@@ -110,7 +110,7 @@ pub(super) async fn stream_events(
 }
 
 /// Parses a list of kinds of events; without a list, returns all kinds.
-fn parse_kinds(list: Option<&str>) -> Result<Vec<EventKind>, Problem> {
+pub(in crate::http) fn parse_kinds(list: Option<&str>) -> Result<Vec<EventKind>, Problem> {
     let Some(list) = list else { return Ok(EventKind::ALL.to_vec()) };
     let parse = |word: &str| {
         word.trim().parse().map_err(|_| {

@@ -63,7 +63,9 @@ pub(super) async fn report_results(
 }
 
 /// Reads the episodes of a body and the policy version that it names.
-fn read_report(body: EncodedBody) -> Result<(Option<u32>, Vec<ReportedEpisode>), Problem> {
+pub(in crate::http) fn read_report(
+    body: EncodedBody,
+) -> Result<(Option<u32>, Vec<ReportedEpisode>), Problem> {
     let ParsedBody { value, non_finite } = body.parse()?;
     let mut invalid_numbers = BTreeMap::new();
     for error in non_finite {

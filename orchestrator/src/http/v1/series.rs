@@ -85,7 +85,11 @@ fn series_by_task(points: Vec<HistoryPoint>, width: Millis) -> Vec<TaskSeries> {
 }
 
 /// Parses the time of a query field.
-fn parse_time(field: &'static str, text: Option<&String>, default: Millis) -> Result<Millis, Problem> {
+pub(in crate::http) fn parse_time(
+    field: &'static str,
+    text: Option<&String>,
+    default: Millis,
+) -> Result<Millis, Problem> {
     let Some(text) = text else { return Ok(default) };
     let time = text.parse::<jiff::Timestamp>().map_err(|_| {
         let text = shorten(text, MAX_QUOTED_CHARS);

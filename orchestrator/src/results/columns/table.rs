@@ -114,7 +114,7 @@ pub(crate) fn range_totals(columns: &Columns, range: &SeedRangeRow, group_size: 
 ///
 /// # Errors
 /// Returns [`StoreError::Corrupt`] if the bytes are no columns.
-pub(crate) fn decode(stored: &[u8]) -> Result<Columns, StoreError> {
+pub fn decode(stored: &[u8]) -> Result<Columns, StoreError> {
     let broken = |why: &str| StoreError::corrupt("columns", why);
     let Some((&CODEC, packed)) = stored.split_first() else { return Err(broken("the codec is unknown")) };
     let max_bytes = 12 + MAX_COLUMN_GROUPS as usize * 9;

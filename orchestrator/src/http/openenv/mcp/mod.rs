@@ -4,7 +4,7 @@
 //! `routes` has the transports, `rpc` the messages, `tools` the tools. Start reading at [`respond`].
 
 pub(super) mod routes;
-mod rpc;
+pub(in crate::http) mod rpc;
 mod tools;
 
 use serde_json::{Map, Value, json};

@@ -5,15 +5,15 @@ use serde_json::{Map, Value, json};
 use crate::limits::QuotaExceeded;
 
 /// Validated request of JSON-RPC.
-pub(super) struct RpcRequest {
-    pub(super) id: Value,
-    pub(super) method: String,
-    pub(super) params: Map<String, Value>,
+pub(in crate::http) struct RpcRequest {
+    pub(in crate::http) id: Value,
+    pub(in crate::http) method: String,
+    pub(in crate::http) params: Map<String, Value>,
 }
 
 /// Error of a request.
 #[derive(Debug)]
-pub(super) struct RpcError {
+pub(in crate::http) struct RpcError {
     code: i64,
     message: String,
     data: Value,
@@ -21,7 +21,7 @@ pub(super) struct RpcError {
 
 impl RpcRequest {
     /// Validates the fields of a request.
-    pub(super) fn parse(value: &Value) -> Result<Self, RpcError> {
+    pub(in crate::http) fn parse(value: &Value) -> Result<Self, RpcError> {
         let Some(fields) = value.as_object() else { return Err(RpcError::parse_error(None)) };
         let mut errors = Vec::new();
         match fields.get("jsonrpc") {

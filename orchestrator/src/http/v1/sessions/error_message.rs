@@ -11,7 +11,7 @@ use strict_input::{FieldError, KNOWN_FIELDS};
 
 /// Error that is sent in response to a message. The session goes on unless it `ends_session`.
 #[derive(Debug)]
-pub(super) struct ErrorMessage {
+pub(in crate::http) struct ErrorMessage {
     code: String,
     detail: String,
     field: Option<String>,
@@ -60,7 +60,7 @@ impl ErrorMessage {
     }
 
     /// Returns the JSON of the error; `id` is the id of the client's message.
-    pub(super) fn to_json(&self, id: Option<u64>) -> Vec<u8> {
+    pub(in crate::http) fn to_json(&self, id: Option<u64>) -> Vec<u8> {
         let Self { code, detail, field, retryable, .. } = self;
         let message: Value = json!({
             "type": "error", "id": id, "code": code, "detail": detail, "field": field, "retryable": retryable,

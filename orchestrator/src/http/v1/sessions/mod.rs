@@ -4,10 +4,10 @@
 //! `messages` and `error_message` write responses. Sessions themselves are in `crate::sessions`. docs/reference/stepping.md has all frames.
 
 mod connection;
-mod error_message;
+pub(in crate::http) mod error_message;
 mod messages;
-mod open;
-mod session_request;
+pub(in crate::http) mod open;
+pub(in crate::http) mod session_request;
 mod single;
 mod vector;
 

@@ -28,13 +28,13 @@ pub(super) struct OpenedSession {
 }
 
 /// Fields of the parsed message.
-pub(super) struct ClientMessage {
+pub(in crate::http) struct ClientMessage {
     /// Field `type` of the message.
-    pub(super) kind: String,
+    pub(in crate::http) kind: String,
     /// Field `id`, if it is a number.
-    pub(super) id: Option<u64>,
+    pub(in crate::http) id: Option<u64>,
     /// All fields except `type`.
-    pub(super) fields: Map<String, Value>,
+    pub(in crate::http) fields: Map<String, Value>,
 }
 
 #[derive(Deserialize)]
@@ -51,7 +51,7 @@ struct ResumeFields {
 }
 
 /// Parses a message and its common fields.
-pub(super) fn parse_message(text: &str) -> Result<ClientMessage, (Option<u64>, ErrorMessage)> {
+pub(in crate::http) fn parse_message(text: &str) -> Result<ClientMessage, (Option<u64>, ErrorMessage)> {
     let message = parse_json(text.as_bytes(), ORDINARY_INPUT_LIMITS).map_err(|error| match error {
         InputError::DuplicateKey(fault) => (None, fault.into()),
         InputError::TooLarge(why) => (None, ErrorMessage::invalid("message", why)),

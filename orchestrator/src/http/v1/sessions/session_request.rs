@@ -100,7 +100,7 @@ fn find_task(field: &str, name: Option<&String>) -> Result<Option<&'static dyn T
 }
 
 /// Reads a request from the fields of a message.
-pub(super) fn session_request(fields: Map<String, Value>) -> Result<SessionRequest, ErrorMessage> {
+pub(in crate::http) fn session_request(fields: Map<String, Value>) -> Result<SessionRequest, ErrorMessage> {
     let fields: RequestFields = from_value(Value::Object(fields))?;
     let scenario = fields.scenario.map(|scenario| {
         Scenario::from_json(&scenario).map_err(|error| {
@@ -132,7 +132,7 @@ pub(super) fn episode_source(request: SessionRequest) -> Result<EpisodeSource, E
 }
 
 /// Reads the field `vector`: the number of environments and their settings.
-pub(super) fn vector_request(fields: Value) -> Result<VectorRequest, ErrorMessage> {
+pub(in crate::http) fn vector_request(fields: Value) -> Result<VectorRequest, ErrorMessage> {
     let fields: VectorFields = from_value(fields).map_err(|fault| {
         let field =
             if fault.field.is_empty() { "vector".to_owned() } else { format!("vector.{}", fault.field) };

@@ -1,0 +1,5 @@
+//! Private parsers, for fuzz tests only. They are not behind a feature, because a feature would compile the crate twice: for the
+//! program and for the tests.
+
+pub use crate::openai::wire::decode_response;
+pub use crate::retry::parse_retry_after;
