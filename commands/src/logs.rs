@@ -138,5 +138,21 @@ pub(crate) fn parse_log_filter(filter: &str) -> Result<String, String> {
             "{part:?} is no level: say off, error, warn, info, debug or trace, or a part of the program with one, as hyper=debug"
         ));
     }
+    // The parser of tracing-subscriber panics at some characters of several bytes.
+    if let Some(c) = filter.chars().find(|c| !c.is_ascii()) {
+        return Err(format!("{c:?} is not ASCII: write a filter such as info,hyper=debug"));
+    }
     EnvFilter::try_new(filter).map(|_| filter.to_owned()).map_err(|error| error.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn filter_with_any_character_is_parsed_or_rejected() {
+        assert_eq!(parse_log_filter("info,hyper=debug"), Ok("info,hyper=debug".to_owned()));
+        assert!(parse_log_filter("\nconta!cct\u{202e}=swept").unwrap_err().contains("ASCII"));
+        assert!(parse_log_filter("shout").unwrap_err().contains("is no level"));
+    }
 }
