@@ -9,6 +9,7 @@ use axum::Extension;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::sse::{Event, KeepAlive, Sse};
+use env_core::text::{MAX_QUOTED_CHARS, shorten};
 use futures_util::Stream;
 use serde_json::{Value, json};
 use sqlx::SqlitePool;
@@ -114,7 +115,7 @@ pub(in crate::http) fn parse_kinds(list: Option<&str>) -> Result<Vec<EventKind>,
     let Some(list) = list else { return Ok(EventKind::ALL.to_vec()) };
     let parse = |word: &str| {
         word.trim().parse().map_err(|_| {
-            let known = EventKind::WORDS.join(", ");
+            let (known, word) = (EventKind::WORDS.join(", "), shorten(word, MAX_QUOTED_CHARS));
             Problem::invalid("kind", format!("must be some of {known}, separated by commas; got {word:?}"))
         })
     };
@@ -223,4 +224,19 @@ impl EventStream {
 fn sse_event(id: i64, kind: &str, data: &Value) -> Event {
     // Compact JSON has no line breaks.
     Event::default().id(id.to_string()).event(kind).data(data.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unknown_kind_is_quoted_in_short() {
+        assert_eq!(
+            parse_kinds(Some("move, warning")).expect("both are known"),
+            [EventKind::Move, EventKind::Warning]
+        );
+        let problem = parse_kinds(Some(&"x".repeat(100_000))).expect_err("it is no kind");
+        assert!(problem.message().len() < 1000, "{}", problem.message().len());
+    }
 }
