@@ -39,7 +39,9 @@ impl Token {
     pub fn parse(text: &str) -> Option<Self> {
         let (id, digits) = text.strip_prefix(PREFIX)?.split_once('_')?;
         let is_valid = digits.len() == 2 * RANDOM_BYTES && digits.bytes().all(|b| b.is_ascii_hexdigit());
-        let id = id.parse().ok().filter(|id: &i64| *id > 0 && is_valid)?;
+        // A token has one text: neither 07 nor +7 is a number of a token. [`redact`] knows this text only.
+        let is_canonical = |number: &i64| *number > 0 && number.to_string() == id;
+        let id = id.parse().ok().filter(|number| is_valid && is_canonical(number))?;
         Some(Self { id, text: text.into() })
     }
 
@@ -84,7 +86,7 @@ mod tests {
         for wrong in ["", "sparring_", "sparring_7_", "7_00", &digits] {
             assert!(Token::parse(wrong).is_none(), "{wrong}");
         }
-        for wrong in ["0", "-1", "x", "99999999999999999999"] {
+        for wrong in ["0", "-1", "+1", "01", "x", "99999999999999999999"] {
             assert!(Token::parse(&format!("sparring_{wrong}_{digits}")).is_none(), "{wrong}");
         }
         assert!(Token::parse(&format!("sparring_1_{digits}0")).is_none());
