@@ -15,6 +15,9 @@ use crate::core::snapshot::{RestoreError, Snapshot};
 use crate::core::strategy::{BackgroundJob, Strategy, StrategyContext};
 use crate::strategies;
 
+/// Largest seq, which is stored as a signed integer.
+const MAX_SEQ: u64 = i64::MAX as u64;
+
 /// Strategy, mastery and settings of a run, and the seq of its next event.
 ///
 /// Each call of [`propose`](Self::propose), [`open_slots`](Self::open_slots), [`withdraw_slots`](Self::withdraw_slots),
@@ -77,6 +80,10 @@ impl Curriculum {
         let settings = Settings::try_from(snapshot.settings)?;
         if snapshot.strategy != settings.strategy {
             let reason = format!("the settings ask for {}", settings.strategy);
+            return Err(RestoreError::State { strategy: snapshot.strategy, reason });
+        }
+        if snapshot.next_seq > MAX_SEQ {
+            let reason = format!("the next seq must be at most {MAX_SEQ}, got {}", snapshot.next_seq);
             return Err(RestoreError::State { strategy: snapshot.strategy, reason });
         }
         Ok(Self {
