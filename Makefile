@@ -9,7 +9,7 @@ BUILD_TESTS := SQLX_OFFLINE=true cargo build --workspace --locked --tests --lib 
 # Builds packages, and meanwhile the dashboard, which the next build includes. Without Node it is not built, and its page says so.
 build_with_dashboard = if node -e '$(NODE_CHECK)' 2>/dev/null; then $(MAKE) --no-print-directory dashboard; fi & dashboard=$$!; \
 	cargo build --locked $(1) && wait $$dashboard && cargo build --locked $(1) || { kill $$dashboard 2>/dev/null; exit 1; }
-.PHONY: help demo venv dashboard wheel test test-prerequisites test-clients test-python test-browser test-trainers test-heavy test-llm test-otlp bench bench-peers bench-python soak dist fmt lint deny sqlx check-style check-cargo check-clippy check-python check-node
+.PHONY: help demo venv dashboard wheel test test-prerequisites test-clients test-python test-browser test-trainers test-heavy test-llm test-otlp fuzz bench bench-peers bench-python soak dist fmt lint deny sqlx check-style check-cargo check-clippy check-python check-node
 
 help: ## List the targets
 	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -112,6 +112,12 @@ bench-python: wheel ## Measure stepping from Python, and the cost of a curriculu
 	cargo build --profile dist --locked -p cli
 	scripts/bench-venv
 	target/bench-venv/bin/python bench/python.py --sparring target/dist/sparring --kessler-env "$(KESSLER_ENV)"
+
+fuzz: export TARGET ?=
+fuzz: export RUNS ?= 10000000
+fuzz: export COVERAGE ?=
+fuzz: check-cargo ## Fuzz a parser, or all: TARGET=json RUNS=10000000; with COVERAGE=1 under libFuzzer (installs cargo-fuzz)
+	scripts/fuzz
 
 test-otlp: check-cargo check-python ## Test that spans reach an OpenTelemetry collector (feature otlp)
 	scripts/test-otlp

@@ -1,20 +1,18 @@
 //! Fuzz tests of the network interface. The server answers or closes whatever it receives, never fails or panics, and keeps
 //! running. The tests mutate valid requests by bytes and by JSON values, and send malformed HTTP and WebSocket traffic.
 
-mod mutation;
-
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use futures_util::{SinkExt, StreamExt};
+use fuzz_targets::mutation::{mutate_bytes, mutate_value};
+use fuzz_targets::random::Random;
 use serde_json::{Value, json};
 use system_tests::{ApiClient, ServerProcess, sparring_binary};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio_tungstenite::connect_async;
 use tokio_tungstenite::tungstenite::Message;
-
-use self::mutation::{Random, mutate_bytes, mutate_value};
 
 /// Time that the server has to end a response, on a machine that may be busy.
 const TIMEOUT: Duration = Duration::from_secs(120);

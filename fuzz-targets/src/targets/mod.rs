@@ -1,0 +1,33 @@
+//! All targets, one file for each group of parsers.
+//!
+//! A new parser gets a target in the file of its group, and its name in `tests/mutations.rs` and `fuzz/Cargo.toml`.
+
+mod command_line;
+mod curricula;
+mod designs;
+mod models;
+mod openenv;
+mod requests;
+mod stored;
+mod strict_input;
+mod worlds;
+
+use std::sync::LazyLock;
+
+use crate::target::Target;
+
+/// All targets, group by group.
+pub static TARGETS: LazyLock<Vec<Target>> = LazyLock::new(|| {
+    [
+        strict_input::TARGETS,
+        openenv::TARGETS,
+        worlds::TARGETS,
+        requests::TARGETS,
+        stored::TARGETS,
+        curricula::TARGETS,
+        designs::TARGETS,
+        models::TARGETS,
+        command_line::TARGETS,
+    ]
+    .concat()
+});
