@@ -17,7 +17,7 @@ pub const INPUT_LIMITS: InputLimits = InputLimits { values: 100_000, keys: 20_00
 pub fn parse_python_json(text: &str) -> serde_json::Result<Value> {
     // Short text is within the limits: a value has at least one byte, a key more.
     if text.len() > INPUT_LIMITS.keys {
-        JsonContent::count(text.as_bytes()).check(INPUT_LIMITS).map_err(serde_json::Error::custom)?;
+        JsonContent::check_text(text.as_bytes(), INPUT_LIMITS).map_err(serde_json::Error::custom)?;
     }
     match serde_json::from_str(text) {
         Ok(value) => Ok(value),

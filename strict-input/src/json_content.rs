@@ -37,6 +37,16 @@ impl JsonContent {
         content
     }
 
+    /// Checks the content of a text against limits. Only a text that is long enough to exceed one is read.
+    ///
+    /// # Errors
+    /// Returns [`InputError::TooLarge`] if the content exceeds a limit.
+    pub fn check_text(text: &[u8], limits: InputLimits) -> Result<(), InputError> {
+        // A value takes a byte and one to separate it from the next; a key takes two quotes, a colon and its value.
+        let may_exceed = text.len().div_ceil(2) > limits.values || text.len() / 4 > limits.keys;
+        if may_exceed { Self::count(text).check(limits) } else { Ok(()) }
+    }
+
     /// Checks the content against limits.
     ///
     /// # Errors
@@ -92,6 +102,13 @@ mod tests {
         #[test]
         fn content_is_counted_exactly(value in any_json()) {
             prop_assert_eq!(JsonContent::count(value.to_string().as_bytes()), count(&value));
+        }
+
+        #[test]
+        fn short_texts_are_checked_exactly(value in any_json(), values in 0..20_usize, keys in 0..10_usize) {
+            let (text, limits) = (value.to_string(), InputLimits { values, keys });
+            let exact = count(&value).check(limits).is_ok();
+            prop_assert_eq!(JsonContent::check_text(text.as_bytes(), limits).is_ok(), exact);
         }
 
         #[test]

@@ -25,7 +25,7 @@ pub fn parse_json(bytes: &[u8], limits: InputLimits) -> Result<Value, InputError
     if bytes.iter().all(u8::is_ascii_whitespace) {
         return Err(InputError::Malformed("it is empty".to_owned()));
     }
-    JsonContent::count(bytes).check(limits)?;
+    JsonContent::check_text(bytes, limits)?;
     let mut reader = serde_json::Deserializer::from_slice(bytes);
     let state = ParserState::new(limits);
     let parsed =
@@ -99,6 +99,8 @@ struct ParserState {
     /// Limit that the input exceeds.
     exceeded: Cell<Option<ContentKind>>,
     non_finite: RefCell<Vec<FieldError>>,
+    /// Length of `non_finite`, which is read for every value.
+    non_finite_count: Cell<usize>,
 }
 
 impl ParserState {
@@ -110,6 +112,7 @@ impl ParserState {
             duplicate: RefCell::default(),
             exceeded: Cell::new(None),
             non_finite: RefCell::default(),
+            non_finite_count: Cell::new(0),
         }
     }
 
@@ -140,6 +143,9 @@ impl ParserState {
 
     /// Adds `name` to the paths of the numbers that are not finite, from the one at index `first` on.
     fn nest_non_finite(&self, first: usize, name: impl Fn() -> String) {
+        if self.non_finite_count.get() == first {
+            return;
+        }
         for field in &mut self.non_finite.borrow_mut()[first..] {
             *field = std::mem::take(field).nested_in(&name());
         }
@@ -191,6 +197,7 @@ impl<'de> Visitor<'de> for StrictValueSeed<'_> {
             return Err(E::custom(format!("it has more than {MAX_NON_FINITE} numbers that are not finite")));
         }
         non_finite.push(FieldError::not_finite(value));
+        self.0.non_finite_count.set(non_finite.len());
         Ok(Value::Null)
     }
 
@@ -205,7 +212,7 @@ impl<'de> Visitor<'de> for StrictValueSeed<'_> {
     fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Value, A::Error> {
         let mut list = Vec::new();
         loop {
-            let (before, index) = (self.0.non_finite.borrow().len(), list.len());
+            let (before, index) = (self.0.non_finite_count.get(), list.len());
             let item =
                 items.next_element_seed(self).inspect_err(|_| self.0.nest_duplicate(|| index.to_string()))?;
             self.0.nest_non_finite(before, || index.to_string());
@@ -222,7 +229,7 @@ impl<'de> Visitor<'de> for StrictValueSeed<'_> {
             self.0.count(&self.0.keys, self.0.limits.keys, ContentKind::Keys)?;
             match object.entry(name) {
                 Entry::Vacant(entry) => {
-                    let before = self.0.non_finite.borrow().len();
+                    let before = self.0.non_finite_count.get();
                     let value = fields.next_value_seed(self);
                     let value = value.inspect_err(|_| self.0.nest_duplicate(|| entry.key().clone()))?;
                     self.0.nest_non_finite(before, || entry.key().clone());
