@@ -14,7 +14,7 @@ use crate::limits::constants::{
 use strict_input::{FieldError, InputError, InputLimits, MessagePackValue};
 
 /// Longest text of a client that an error repeats, in characters.
-const MAX_REPEATED_CHARS: usize = 300;
+pub(super) const MAX_REPEATED_CHARS: usize = 300;
 /// Mark that some programs write before UTF-8 text.
 pub(super) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 

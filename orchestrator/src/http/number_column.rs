@@ -3,10 +3,12 @@
 use std::fmt;
 
 use env_core::format_shortest;
+use env_core::text::shorten;
 use serde::Deserialize;
-use serde::de::{self, DeserializeOwned, IgnoredAny, SeqAccess, Visitor};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{self, DeserializeOwned, IgnoredAny, MapAccess, SeqAccess, Visitor};
 
-use super::extract::BodyFormat;
+use super::extract::{BodyFormat, MAX_REPEATED_CHARS};
 use super::problem::Problem;
 use crate::leases::columns::MAX_COLUMN_GROUPS;
 
@@ -198,15 +200,34 @@ impl<'de> Deserialize<'de> for JsonNumber {
     }
 }
 
+/// Value that is an object. serde alone also accepts a list and matches its items to fields by position.
+struct StrictObject<T>(T);
+
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for StrictObject<T> {
+    fn deserialize<D: de::Deserializer<'de>>(reader: D) -> Result<Self, D::Error> {
+        struct ObjectVisitor<T>(std::marker::PhantomData<T>);
+        impl<'de, T: Deserialize<'de>> Visitor<'de> for ObjectVisitor<T> {
+            type Value = StrictObject<T>;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("an object with columns")
+            }
+            fn visit_map<A: MapAccess<'de>>(self, fields: A) -> Result<StrictObject<T>, A::Error> {
+                T::deserialize(MapAccessDeserializer::new(fields)).map(StrictObject)
+            }
+        }
+        reader.deserialize_map(ObjectVisitor(std::marker::PhantomData))
+    }
+}
+
 /// Parses an object with columns. Errors name the field, and the entry if one is wrong.
 pub(super) fn parse_columns<T: DeserializeOwned>(format: BodyFormat, body: &[u8]) -> Result<T, Problem> {
     let (message, is_malformed) = match format {
-        BodyFormat::Json => match serde_json::from_slice(body) {
-            Ok(value) => return Ok(value),
+        BodyFormat::Json => match serde_json::from_slice::<StrictObject<T>>(body) {
+            Ok(StrictObject(value)) => return Ok(value),
             Err(error) => (error.to_string(), serde_json::from_slice::<IgnoredAny>(body).is_err()),
         },
-        BodyFormat::MessagePack => match strict_input::from_messagepack(body) {
-            Ok(value) => return Ok(value),
+        BodyFormat::MessagePack => match strict_input::from_messagepack::<StrictObject<T>>(body) {
+            Ok(StrictObject(value)) => return Ok(value),
             Err(error) => (error.to_string(), strict_input::from_messagepack::<IgnoredAny>(body).is_err()),
         },
     };
@@ -236,7 +257,7 @@ fn key_problem(reason: &str) -> Problem {
     }
     match quoted("missing field `") {
         Some((name, _)) => Problem::invalid(name, "is required"),
-        None => Problem::invalid("body", reason),
+        None => Problem::invalid("body", shorten(reason, MAX_REPEATED_CHARS)),
     }
 }
 
@@ -310,6 +331,13 @@ mod tests {
         );
         assert_eq!(message(BodyFormat::Json, br#"{"score": [1, "2"]}"#), "score.1: must be a number");
         assert!(message(BodyFormat::Json, br#"{"score": [1, 2"#).contains("not JSON"));
+        let long = format!("\"{}\"", "x".repeat(100_000));
+        assert!(message(BodyFormat::Json, long.as_bytes()).len() < 1000, "the error repeats the body");
+        for (format, list) in
+            [(BodyFormat::Json, &b"[[1, 2], [3]]"[..]), (BodyFormat::MessagePack, b"\x92\x91\x01\x91\x01")]
+        {
+            assert!(message(format, list).contains("an object with columns"), "{}", message(format, list));
+        }
         let mut cut = messagepack_body(&[0.5; 3], false);
         cut.truncate(cut.len() - 3);
         assert!(message(BodyFormat::MessagePack, &cut).contains("not MessagePack"));
