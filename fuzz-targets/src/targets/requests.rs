@@ -1,8 +1,11 @@
 //! Requests to the server: frames and messages of sessions, columns, results, resets, JSON-RPC, words of queries, and bodies.
 
 use std::cell::RefCell;
+use std::io::Write;
 
 use env_core::seed::MAX_USER_SEED;
+use flate2::Compression;
+use flate2::write::GzEncoder;
 use orchestrator::http::fuzzing::{
     BodyFormat, Rejection, columns, cursor, event_kinds, receive, reset_request, results, rpc_method,
     session_message, time,
@@ -247,26 +250,10 @@ fn word_seeds() -> Vec<Vec<u8>> {
     ])
 }
 
-/// Stored blocks of gzip (RFC 1952) without compression.
 fn gzip(content: &[u8]) -> Vec<u8> {
-    let length = content.len() as u16;
-    let mut bytes = vec![0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 255, 1];
-    bytes.extend(length.to_le_bytes());
-    bytes.extend((!length).to_le_bytes());
-    bytes.extend(content);
-    bytes.extend(crc32(content).to_le_bytes());
-    bytes.extend(u32::from(length).to_le_bytes());
-    bytes
-}
-
-fn crc32(content: &[u8]) -> u32 {
-    let step = |sum: u32, byte: &u8| {
-        (0..8).fold(
-            sum ^ u32::from(*byte),
-            |sum, _| if sum & 1 == 1 { (sum >> 1) ^ 0xedb8_8320 } else { sum >> 1 },
-        )
-    };
-    !content.iter().fold(u32::MAX, step)
+    let mut writer = GzEncoder::new(Vec::new(), Compression::default());
+    writer.write_all(content).expect("memory can be written");
+    writer.finish().expect("memory can be written")
 }
 
 fn body_seeds() -> Vec<Vec<u8>> {
