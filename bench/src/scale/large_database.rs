@@ -51,18 +51,26 @@ async fn run(bytes: u64) -> anyhow::Result<Vec<Row>> {
     let mib = process::resident_bytes(server.pid())? as f64 / f64::from(1 << 20);
     anyhow::ensure!(server.terminate() == Some(0), "the server failed");
     let plain = |label: String, measured: String| Row { label, measured, goal: String::new(), ratio: None };
-    writeln!(std::io::stderr(), "started, listed and backed up")?;
+    for row in &rows {
+        writeln!(std::io::stderr(), "{}: {}", row.label, row.measured)?;
+    }
+    writeln!(
+        std::io::stderr(),
+        "backup {backup_s:.0} s; p99 of results {beside:.1} ms, {alone:.1} ms alone; {mib:.0} MiB"
+    )?;
     rows.push(plain("backup while trainers report".into(), format!("{backup_s:.0} s")));
     rows.push(plain("p99 of results beside the backup".into(), format!("{beside:.1} ms, {alone:.1} alone")));
     rows.push(plain("memory of the server".into(), format!("{mib:.0} MiB")));
     for command in ["check", "vacuum"] {
         let seconds = spawn_command(&[command], &file).await??;
+        writeln!(std::io::stderr(), "db {command}: {seconds:.0} s")?;
         rows.push(plain(format!("db {command}"), format!("{seconds:.0} s")));
     }
     Ok(rows)
 }
 
-/// Runs `sparring db` with some arguments; returns its duration in seconds.
+/// Runs `sparring db` with some arguments; returns its duration in seconds. `check` reports that the copied rows are in no counter
+/// of the run, with exit status 1.
 fn spawn_command(args: &[&str], db: &Path) -> tokio::task::JoinHandle<anyhow::Result<f64>> {
     let mut command = Command::new(sparring_binary());
     command.arg("db").arg("--db").arg(db).args(args).stdout(std::process::Stdio::null());
@@ -70,7 +78,8 @@ fn spawn_command(args: &[&str], db: &Path) -> tokio::task::JoinHandle<anyhow::Re
     tokio::task::spawn_blocking(move || {
         let start = Instant::now();
         let status = command.status()?;
-        anyhow::ensure!(status.success(), "db {name}: {status}");
+        let is_expected = status.success() || (name == "check" && status.code() == Some(1));
+        anyhow::ensure!(is_expected, "db {name}: {status}");
         Ok(start.elapsed().as_secs_f64())
     })
 }
