@@ -136,7 +136,8 @@ impl LlmConfig {
     }
 
     /// Replaces the key in untrusted text, in plain and in JSON form: some endpoints repeat it.
-    pub(crate) fn redact_key(&self, text: &str) -> String {
+    #[must_use]
+    pub fn redact_key(&self, text: &str) -> String {
         let mut text = text.to_owned();
         let is_secret = |key: &&str| key.chars().count() >= MIN_SECRET_CHARS;
         let Some(key) = self.key.as_ref().map(SecretString::expose_secret).filter(is_secret) else {

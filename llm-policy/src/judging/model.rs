@@ -182,10 +182,11 @@ pub fn parse_verdict(text: &str, config: &LlmConfig) -> Result<StepVerdict, Stri
     if !(-1.0..=1.0).contains(&score) {
         return Err(format!("`score` must be from -1 to 1, got {}", format_shortest(score)));
     }
-    // Control characters could steer a terminal.
+    // Control characters could steer a terminal. Removing them may assemble a key.
     let reasoning: Option<String> = verdict["reasoning"]
         .as_str()
         .map(|text| text.chars().filter(|c| !c.is_control() || *c == '\n').collect());
+    let reasoning = reasoning.map(|text| config.redact_key(&text));
     let reasoning = reasoning.as_deref().map(str::trim).filter(|text| !text.is_empty());
     let reasoning = reasoning.ok_or("`reasoning` is empty")?;
     Ok(StepVerdict { score, reasoning: reasoning.chars().take(MAX_REASONING_CHARS).collect() })

@@ -40,6 +40,8 @@ fn verdict_needs_a_score_and_a_reason() {
     let good = read(r#"Well: {"score": 0.1} no, ```{"reasoning": " needed ", "score": 0.9}```"#).unwrap();
     assert_eq!((good.score, good.reasoning.as_str()), (0.9, "needed"));
     assert_eq!(read(r#"{"reasoning": "sk-secret", "score": -1}"#).unwrap().reasoning, "[key]");
+    // Removing a control character assembles the key.
+    assert_eq!(read(r#"{"reasoning": "sk\u0000-secret", "score": -1}"#).unwrap().reasoning, "[key]");
     let of = |text: &str| read(text).unwrap_err();
     insta::assert_snapshot!(
         [
