@@ -74,7 +74,7 @@ impl RecentSlots {
                 self.values.pop_front();
             }
             self.values.push_back(settled.value);
-            self.seen += 1;
+            self.seen = self.seen.saturating_add(1);
         }
     }
 }

@@ -19,7 +19,7 @@ impl Strategy for Fixed {
     fn propose(&mut self, ctx: &StrategyContext<'_>) -> Proposal {
         let tasks = &ctx.settings.tasks;
         let turn = usize::try_from(self.proposed % tasks.len() as u64).unwrap_or(0);
-        self.proposed += 1;
+        self.proposed = self.proposed.saturating_add(1);
         let why = format!("its turn, {} of {}", turn + 1, tasks.len());
         Proposal { why, ..Proposal::fresh(&tasks[turn], None, ProposalRole::Sample) }
     }

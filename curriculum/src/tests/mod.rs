@@ -6,6 +6,7 @@
 //! - `evidence_laws`: no trainer can move a level by hiding, delaying or repeating results.
 //! - `fold`: snapshots and event replay.
 
+mod damaged_snapshots;
 mod evidence_laws;
 mod fold;
 mod laws;

@@ -1,12 +1,13 @@
 //! Blocks of settled slots: the evidence that a level move rests on.
 //!
 //! One contested scenario is one observation, an interval of success rates. A block moves a level up only if its worst
-//! case allows it, and down only if its best case does (intention to treat, with the bounds of Manski 1989). A rule that looks at a sliding window after every observation is a
-//! sequential test without a correction, and promotes almost every learner in time (optional stopping: Armitage,
-//! McPherson and Rowe 1969). Observations are therefore gathered into disjoint blocks, and the rule looks only when a
-//! block is full.
+//! case allows it, and down only if its best case does (intention to treat, with the bounds of Manski 1989). A rule that
+//! looks at a sliding window after every observation is a sequential test without a correction, and promotes almost
+//! every learner in time (optional stopping: Armitage, McPherson and Rowe 1969). Observations are therefore gathered
+//! into disjoint blocks, and the rule looks only when a block is full.
 
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::level_move::BlockSummary;
 use super::posterior::Posterior;
@@ -28,10 +29,14 @@ pub(crate) const MISSING_WARNING_SHARE: f64 = 0.10;
 /// Number of slots from which missing outcomes cause a warning.
 pub(crate) const MIN_SLOTS_FOR_WARNING: u32 = 8;
 
+/// Largest number of slots of a stored block. It is the maximum of the hyperparameter `buffer` of ADR.
+const MAX_STORED_SLOTS: u32 = 10_000;
+
 /// Settled slots of one level, up to the size of a block.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct EvidenceBlock {
     /// Number of slots in the block.
+    #[serde(deserialize_with = "slot_count")]
     pub(crate) n: u32,
     /// Sum of the low ends of their intervals.
     pub(crate) low: f64,
@@ -45,7 +50,7 @@ pub(crate) struct EvidenceBlock {
 impl EvidenceBlock {
     /// Adds a settled slot. Returns the block once it has `size` slots, and starts a new one.
     pub(crate) fn record_until_full(&mut self, slot: SettledSlot, size: u32) -> Option<Self> {
-        self.n += 1;
+        self.n = self.n.saturating_add(1);
         self.low += slot.value.low;
         self.high += slot.value.high;
         self.first = Some(self.first.map_or(slot.proposal, |first| first.min(slot.proposal)));
@@ -107,6 +112,16 @@ impl EvidenceBlock {
             first: self.first,
         }
     }
+}
+
+/// Reads a number of slots. The quantiles of a block with billions of slots, which only a damaged snapshot has, would not
+/// converge.
+fn slot_count<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
+    let n = u32::deserialize(deserializer)?;
+    if n > MAX_STORED_SLOTS {
+        return Err(D::Error::custom(format!("a block has at most {MAX_STORED_SLOTS} slots, got {n}")));
+    }
+    Ok(n)
 }
 
 /// Sentence that says how missing outcomes hold a promotion back, if they do: the full block does not call for it, and

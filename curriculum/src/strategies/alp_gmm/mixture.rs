@@ -11,6 +11,8 @@ const MAX_EM_STEPS: usize = 100;
 const MIN_GAIN: f64 = 1e-4;
 /// Added to the diagonal of covariances, so that components on few points keep a volume.
 const COVARIANCE_FLOOR: f64 = 1e-5;
+/// Largest number of components in a stored range. It is the maximum of both hyperparameters.
+const MAX_STORED_COMPONENTS: u32 = 20;
 
 /// Component of a mixture. Its last dimension is the learning progress.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -31,7 +33,7 @@ pub(super) struct Mixture {
 
 /// Range of the number of components that a fit tries. Stored as `[min, max]`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(from = "[u32; 2]", into = "[u32; 2]")]
+#[serde(try_from = "[u32; 2]", into = "[u32; 2]")]
 pub(super) struct ComponentRange {
     pub(super) min: u32,
     pub(super) max: u32,
@@ -99,9 +101,14 @@ impl Component {
     }
 }
 
-impl From<[u32; 2]> for ComponentRange {
-    fn from([min, max]: [u32; 2]) -> Self {
-        Self { min, max }
+impl TryFrom<[u32; 2]> for ComponentRange {
+    type Error = String;
+
+    fn try_from([min, max]: [u32; 2]) -> Result<Self, String> {
+        if max > MAX_STORED_COMPONENTS {
+            return Err(format!("a mixture has at most {MAX_STORED_COMPONENTS} components, got {max}"));
+        }
+        Ok(Self { min, max })
     }
 }
 

@@ -136,8 +136,8 @@ impl LearningProgress {
         let hyperparameters = &ctx.settings.hyperparameters;
         let window = hyperparameters.integer(&WINDOW);
         self.record(fractions, reward, window as usize);
-        self.seen += 1;
-        self.since += 1;
+        self.seen = self.seen.saturating_add(1);
+        self.since = self.since.saturating_add(1);
         if self.fit.is_some() && self.since >= FIT_DELAY {
             // A fit without a result keeps the mixture before it.
             if let Some(mixture) = self.fit.take().and_then(|fit| fit.mixture()) {

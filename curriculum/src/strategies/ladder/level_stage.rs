@@ -66,7 +66,7 @@ impl LevelStage {
             "the current level {}, {how}: {} of {BLOCK_SIZE} scenarios of block {} are in",
             self.level,
             self.filling.n,
-            self.blocks + 1
+            self.blocks.saturating_add(1)
         )
     }
 }

@@ -189,7 +189,7 @@ impl TaskProgress {
 
     /// Drops the evidence that has not moved the level. The level stays; a placement starts again.
     fn close_epoch(&mut self, plan: &TaskPlan) {
-        self.epoch += 1;
+        self.epoch = self.epoch.saturating_add(1);
         self.stage = match &self.stage {
             TaskStage::Placement(_) => TaskStage::Placement(Placement::new(plan.hardest_level())),
             TaskStage::Level(stage) => {
@@ -204,7 +204,7 @@ impl TaskProgress {
             TaskStage::Placement(placement) => match placement.settle() {
                 PlacementStep::SameLevel => return None,
                 PlacementStep::NextLevel => {
-                    self.epoch += 1;
+                    self.epoch = self.epoch.saturating_add(1);
                     return None;
                 }
                 PlacementStep::Placed(level) => (MoveKind::Placement, None, level, placement.evidence(level)),
@@ -216,7 +216,7 @@ impl TaskProgress {
                 (step.kind, Some(from), to, step.evidence)
             }
         };
-        self.epoch += 1;
+        self.epoch = self.epoch.saturating_add(1);
         self.stage = TaskStage::Level(LevelStage { level: to, ..LevelStage::default() });
         let made = LevelMove { task: plan.task.clone(), kind, from, to, evidence };
         self.last_move = Some(made.clone());

@@ -181,7 +181,7 @@ impl ScenarioPool {
 
     /// Adds a rated candidate. After the last candidate, the best replace the kept scenarios.
     fn rate(&mut self, settings: &Settings, scenario: RatedScenario) {
-        self.rated += 1;
+        self.rated = self.rated.saturating_add(1);
         if scenario.learnability > 0.0 {
             let at = self.best.partition_point(|other| other.learnability >= scenario.learnability);
             self.best.insert(at, scenario);

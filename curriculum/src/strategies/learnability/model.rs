@@ -42,7 +42,7 @@ impl SuccessModel {
             self.seen.pop_front();
         }
         self.seen.push_back((features, success_rate));
-        self.since += 1;
+        self.since = self.since.saturating_add(1);
         if self.since >= FIT_INTERVAL {
             self.since = 0;
             self.fitted = fit(&self.seen);

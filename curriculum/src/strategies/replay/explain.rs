@@ -1,6 +1,6 @@
 //! Status and explanation of PLR, robust PLR and ACCEL.
 
-use super::{Replay, TaskBuffer, capacity, replay_threshold};
+use super::{Replay, ScoredOutcomes, TaskBuffer, capacity, replay_threshold};
 use crate::core::explanation::Explanation;
 use crate::core::settings::hyperparameters::replay::{SCORE, ScenarioScore};
 use crate::core::settings::{Settings, StrategyKind};
@@ -11,7 +11,6 @@ const MIN_UNSCORED_FOR_WARNING: u64 = 16;
 
 /// Warns about a task that can keep no scenario, because no outcome has the score.
 pub(super) fn warning(task: &TaskBuffer, settings: &Settings) -> Option<String> {
-    let scored = task.scored.fresh + task.scored.replayed + task.scored.edited;
     let name = settings.hyperparameters.choice(&SCORE);
     let why = match ScenarioScore::from_name(name) {
         ScenarioScore::Learnability => "it needs groups of at least two episodes",
@@ -20,7 +19,7 @@ pub(super) fn warning(task: &TaskBuffer, settings: &Settings) -> Option<String> 
             "the trainer must report it with its results"
         }
     };
-    (scored == 0 && task.unscored >= MIN_UNSCORED_FOR_WARNING)
+    (task.scored == ScoredOutcomes::default() && task.unscored >= MIN_UNSCORED_FOR_WARNING)
         .then(|| format!("none of {} outcomes has a {name}, so no scenario is kept: {why}", task.unscored))
 }
 

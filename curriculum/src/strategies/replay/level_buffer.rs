@@ -74,7 +74,7 @@ pub(super) struct LevelBuffer {
     /// Latest proposals of all scenarios, sorted by seq.
     last_proposals: Vec<LastProposal>,
     /// Sum of all `last_proposals`' `last`.
-    sum_of_last: u64,
+    sum_of_last: u128,
 }
 
 /// Sort key of a scenario: the highest priority first, the newer scenario first among equals.
@@ -139,7 +139,7 @@ impl LevelBuffer {
     pub(super) fn set_last_proposed(&mut self, seq: u64, now: u64) {
         if let Ok(at) = self.find_last_proposal(seq) {
             let proposal = &mut self.last_proposals[at];
-            self.sum_of_last = self.sum_of_last - proposal.last + now;
+            self.sum_of_last = self.sum_of_last - u128::from(proposal.last) + u128::from(now);
             proposal.last = now;
         }
     }
@@ -149,7 +149,7 @@ impl LevelBuffer {
         for key in self.ranking.split_off(capacity.min(self.ranking.len())) {
             self.levels.remove(&key.seq);
             if let Ok(at) = self.find_last_proposal(key.seq) {
-                self.sum_of_last -= self.last_proposals.remove(at).last;
+                self.sum_of_last -= u128::from(self.last_proposals.remove(at).last);
             }
         }
     }
@@ -163,7 +163,7 @@ impl LevelBuffer {
     /// Samples a scenario by its staleness, the number of events since its latest proposal (Jiang et al. 2021, equation
     /// 3). Returns its seq; `None` if the buffer is empty.
     pub(super) fn sample_by_staleness(&self, rng: &mut KeyedRng, now: u64) -> Option<u64> {
-        let total = (now * self.last_proposals.len() as u64).saturating_sub(self.sum_of_last);
+        let total = (u128::from(now) * self.last_proposals.len() as u128).saturating_sub(self.sum_of_last);
         let mut left = rng.uniform() * total as f64;
         let found = self.last_proposals.iter().find(|proposal| {
             left -= now.saturating_sub(proposal.last) as f64;
@@ -177,7 +177,7 @@ impl LevelBuffer {
             self.rank(RankKey { priority: level.priority(), seq });
             if let Err(at) = self.find_last_proposal(seq) {
                 self.last_proposals.insert(at, LastProposal { seq, last });
-                self.sum_of_last += last;
+                self.sum_of_last += u128::from(last);
             }
         }
     }

@@ -208,14 +208,14 @@ impl TaskBuffer {
     /// an edit.
     fn observe(&mut self, settings: &Settings, outcome: &GroupOutcome, rng: &mut KeyedRng) {
         let Some(score) = score(settings, outcome) else {
-            self.unscored += 1;
+            self.unscored = self.unscored.saturating_add(1);
             return;
         };
         let visit = Visit { score, mean_score: outcome.mean_score };
         let seq = outcome.scenario_proposal();
         match outcome.source {
             ScenarioSource::Replay { .. } => {
-                self.scored.replayed += 1;
+                self.scored.replayed = self.scored.replayed.saturating_add(1);
                 let is_kept = self.buffer.record_visit(seq, visit);
                 let may_edit =
                     settings.strategy == StrategyKind::Accel && self.edits.len() < MAX_QUEUED_EDITS;
@@ -224,13 +224,13 @@ impl TaskBuffer {
                 }
             }
             ScenarioSource::Edited { of } => {
-                self.scored.edited += 1;
-                let generation = self.buffer.get(of).map_or(0, |parent| parent.generation) + 1;
+                self.scored.edited = self.scored.edited.saturating_add(1);
+                let generation = self.buffer.get(of).map_or(0, |parent| parent.generation).saturating_add(1);
                 let level = BufferedLevel::new(outcome.level, visit, generation);
                 self.buffer.insert(seq, level, capacity(settings));
             }
             ScenarioSource::Fresh | ScenarioSource::Chosen { .. } => {
-                self.scored.fresh += 1;
+                self.scored.fresh = self.scored.fresh.saturating_add(1);
                 let level = BufferedLevel::new(outcome.level, visit, 0);
                 self.buffer.insert(seq, level, capacity(settings));
             }
