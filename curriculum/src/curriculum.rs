@@ -287,10 +287,10 @@ impl Curriculum {
         self.mastery.mastery(&self.settings)
     }
 
-    /// Slots for which results of later leases wait, at most one for each task and level.
+    /// Slots for which at least `min_later` results of later leases wait, at most one for each task and level.
     #[must_use]
-    pub fn stalled_slots(&self) -> Vec<StalledSlot> {
-        self.mastery.stalled().filter(|slot| slot.later > 0).collect()
+    pub fn stalled_slots(&self, min_later: u32) -> Vec<StalledSlot> {
+        self.mastery.stalled(min_later).collect()
     }
 
     /// Current state of each task.

@@ -212,6 +212,16 @@ pub async fn get(conn: &mut SqliteConnection, id: i64) -> Result<Option<LeaseRow
     Ok(query_leases!("WHERE id = ?", id).fetch_optional(conn).await?)
 }
 
+/// Reads when the first lifetime of a lease ends or ended; `None` if there is no such lease.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn first_deadline(conn: &mut SqliteConnection, id: i64) -> Result<Option<Millis>, StoreError> {
+    Ok(sqlx::query_scalar!("SELECT first_expires_at FROM leases WHERE id = ?", id)
+        .fetch_optional(conn)
+        .await?)
+}
+
 /// Reads leases of a run after a number, in order.
 ///
 /// # Errors

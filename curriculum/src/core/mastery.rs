@@ -120,9 +120,10 @@ impl MasteryTracker {
         self.recent.remove(task);
     }
 
-    /// First open slot of each task and level.
-    pub(crate) fn stalled(&self) -> impl Iterator<Item = StalledSlot> {
-        self.recent.values().flat_map(BTreeMap::values).filter_map(|recent| recent.queue.stalled())
+    /// First open slot of each task and level for which at least `min_later` results of later leases wait.
+    pub(crate) fn stalled(&self, min_later: u32) -> impl Iterator<Item = StalledSlot> {
+        let queues = self.recent.values().flat_map(BTreeMap::values).map(|recent| &recent.queue);
+        queues.filter_map(move |queue| queue.stalled(min_later))
     }
 
     /// Warning about missing outcomes of a task, at the level whose latest outcomes are missing most.

@@ -268,8 +268,8 @@ impl Simulator<'_> {
     fn close_stalled(&mut self, episodes_before: u64) -> bool {
         let mut has_moved = false;
         loop {
-            let stalled = self.curriculum.stalled_slots().into_iter();
-            let overdue = stalled.filter(|slot| slot.later >= LATER_RESULTS).map(|slot| slot.key.proposal);
+            let overdue =
+                self.curriculum.stalled_slots(LATER_RESULTS).into_iter().map(|slot| slot.key.proposal);
             let groups: Vec<LeasedGroup> = overdue.filter_map(|seq| self.withheld.remove(&seq)).collect();
             if groups.is_empty() {
                 return has_moved;

@@ -233,9 +233,8 @@ impl CaseRun<'_> {
 
     fn close_stalled(&mut self) {
         loop {
-            let stalled = self.curriculum.stalled_slots();
-            let overdue: Vec<u64> =
-                stalled.iter().filter(|slot| slot.later >= LATER).map(|slot| slot.key.proposal).collect();
+            let stalled = self.curriculum.stalled_slots(LATER);
+            let overdue: Vec<u64> = stalled.iter().map(|slot| slot.key.proposal).collect();
             let (closed, kept): (Vec<_>, Vec<_>) = std::mem::take(&mut self.leased)
                 .into_iter()
                 .partition(|group| overdue.contains(&group.proposed.seq));

@@ -7,6 +7,7 @@ use store::curriculum::NewCurriculumEvent;
 
 use crate::engine::error::ServiceError;
 use crate::engine::run_state::RunState;
+use clock::Millis;
 
 /// Cache of run states, keyed by run id. It never holds a state that is ahead of what its transaction keeps: a failed change evicts
 /// the runs it touched.
@@ -46,6 +47,11 @@ impl RunCache {
     /// Returns the runs in memory, in no particular order.
     pub fn iter(&self) -> impl Iterator<Item = &RunState> {
         self.runs.values()
+    }
+
+    /// Shifts the times of all runs in memory by `by` milliseconds, after the system clock jumped and the store was shifted.
+    pub(crate) fn shift_times(&mut self, by: Millis) {
+        self.runs.values_mut().for_each(|state| state.shift_times(by));
     }
 
     /// Evicts a run that the current change deletes.

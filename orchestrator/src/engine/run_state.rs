@@ -15,9 +15,13 @@ use ::curriculum::{
 use clock::Millis;
 use store::curriculum::{self, CurriculumRecord, LevelMoveKind, LevelMoveRow, NewCurriculumEvent};
 use store::groups::GroupRole;
+use store::leases;
 use store::proposals::{self, NewProposal};
 use store::runs::{self, RunRow};
 use store::{StoreError, from_json, to_i64, to_json, to_u64};
+
+/// Number of lease deadlines that are kept in memory. At most one lease for each task and level keeps others waiting.
+const MAX_KEPT_DEADLINES: usize = 256;
 
 /// Curriculum events between two snapshots.
 const SNAPSHOT_INTERVAL: u64 = 1000;
@@ -36,6 +40,8 @@ pub struct RunState {
     pub settings: RunSettings,
     /// When the run was paused; `None` while it grants leases.
     pub paused_at: Option<Millis>,
+    /// Ends of the first lifetimes of leases, as [`Self::first_deadline`] read them.
+    first_deadlines: BTreeMap<i64, Millis>,
     /// Newest policy version that was reported.
     pub policy_version: i64,
     /// True if another run, possibly a deleted one, has the same seed: its scenarios may be known to a trainer.
@@ -81,6 +87,7 @@ impl RunState {
             seed,
             settings,
             paused_at: row.paused_at,
+            first_deadlines: BTreeMap::new(),
             policy_version: row.policy_version,
             is_seed_reused: row.is_seed_reused,
             curriculum,
@@ -94,6 +101,38 @@ impl RunState {
     #[must_use]
     pub fn lease_clock(&self, now: Millis) -> Millis {
         self.paused_at.map_or(now, |paused_at| now.min(paused_at))
+    }
+
+    /// Returns when the first lifetime of a lease ends or ended, 0 for an unknown lease. Every report asks for the leases that keep
+    /// others waiting, so that the newest answers are kept.
+    ///
+    /// # Errors
+    /// Returns an error of the store if the deadline cannot be read.
+    pub(crate) async fn first_deadline(
+        &mut self,
+        conn: &mut SqliteConnection,
+        lease: i64,
+    ) -> Result<Millis, StoreError> {
+        if let Some(&deadline) = self.first_deadlines.get(&lease) {
+            return Ok(deadline);
+        }
+        let deadline = leases::first_deadline(conn, lease).await?.unwrap_or(0);
+        if self.first_deadlines.len() >= MAX_KEPT_DEADLINES {
+            self.first_deadlines.clear();
+        }
+        self.first_deadlines.insert(lease, deadline);
+        Ok(deadline)
+    }
+
+    /// Takes note that the deadlines of the run's leases were shifted in the store.
+    pub(crate) fn forget_deadlines(&mut self) {
+        self.first_deadlines.clear();
+    }
+
+    /// Takes note that all times of the run were shifted in the store by `by` milliseconds, after the system clock jumped.
+    pub(crate) fn shift_times(&mut self, by: Millis) {
+        self.paused_at = self.paused_at.map(|paused_at| paused_at + by);
+        self.forget_deadlines();
     }
 
     /// Takes the curriculum events that are not written yet. The caller writes them.

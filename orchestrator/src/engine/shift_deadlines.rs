@@ -18,6 +18,7 @@ impl Change for ShiftDeadlines {
     async fn apply(self, tx: &mut WriteTx) -> Result<Option<i64>, ServiceError> {
         let Some(jump) = self.0.jumped() else { return Ok(None) };
         deadlines::shift(&mut tx.conn, jump).await?;
+        tx.runs.shift_times(jump);
         // Changes of the same transaction see the new time. If the commit fails the writer sets the clock back.
         self.0.adopt(jump);
         tx.clock_shift += jump;

@@ -23,9 +23,7 @@ const MAX_WAITING_RESULTS: u32 = 4096;
 pub(crate) async fn close_stalled(tx: &mut WriteTx, run: &str) -> Result<ReportSummary, ServiceError> {
     let mut summary = ReportSummary::default();
     loop {
-        let state = tx.run(run).await?.state;
-        let stalled: Vec<StalledSlot> =
-            state.curriculum.stalled_slots().into_iter().filter(|slot| slot.later >= LATER_RESULTS).collect();
+        let stalled = tx.run(run).await?.state.curriculum.stalled_slots(LATER_RESULTS);
         let mut has_closed = false;
         for slot in stalled {
             if let Some(closed) = close_if_overdue(tx, run, slot).await? {
@@ -45,12 +43,12 @@ async fn close_if_overdue(
     run: &str,
     slot: StalledSlot,
 ) -> Result<Option<ReportSummary>, ServiceError> {
-    let Some(lease) = leases::get(&mut tx.conn, to_i64(slot.lease)).await? else { return Ok(None) };
     let mut run = tx.run(run).await?;
-    let is_overdue = slot.later >= MAX_WAITING_RESULTS || lease.first_expires_at <= run.lease_clock();
-    if !is_overdue || !lease.is_active() {
+    let (id, clock) = (to_i64(slot.lease), run.lease_clock());
+    if slot.later < MAX_WAITING_RESULTS && run.state.first_deadline(run.conn, id).await? > clock {
         return Ok(None);
     }
+    let Some(lease) = leases::get(run.conn, id).await?.filter(LeaseRow::is_active) else { return Ok(None) };
     if lease.is_columns() {
         return end_lease(tx, &lease, LeaseEnd::Expired).await.map(Some);
     }

@@ -70,6 +70,7 @@ async fn set_status(tx: &mut WriteTx, id: &str, action: RunAction) -> Result<Run
     let paused_at = match (action, run.state.paused_at) {
         (RunAction::Resume, Some(paused_at)) => {
             leases::shift_deadlines(run.conn, id, run.now - paused_at).await?;
+            run.state.forget_deadlines();
             None
         }
         (RunAction::Resume, None) => None,

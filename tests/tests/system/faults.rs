@@ -205,40 +205,6 @@ async fn locked_database_is_reported_and_recovered() {
     server.stop_and_check().await;
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn clock_jump_keeps_leases_valid() {
-    for offset_ms in [DAY_MS, -DAY_MS] {
-        let server = FaultyServer::start();
-        let api = server.api();
-        let (results, lease) = start_run(&api).await;
-        let expires = |lease: &Value| {
-            lease["expires_at"].as_str().unwrap().parse::<jiff::Timestamp>().unwrap().as_second()
-        };
-        let before = expires(&lease);
-        server.set(Fault::ClockMs, offset_ms);
-        let id = lease["lease"].as_str().unwrap();
-        wait_until("the deadline of the lease follows the clock", async || {
-            let now = api.get(&format!("/v1/runs/run/leases/{id}")).await.expect(200);
-            assert_eq!(now["status"], "active", "a clock jump does not end a lease");
-            let moved = expires(&now) - before;
-            (moved - offset_ms / 1000).abs() <= 3
-        })
-        .await;
-        let receipts = report(&api, &results).await.expect(200);
-        assert!(
-            receipts["results"].as_array().unwrap().iter().all(|r| r["status"] == "counted"),
-            "{receipts}"
-        );
-        let other = api.lease("run", json!({"groups": 1, "ttl_s": 1})).await;
-        wait_until("a lease of one second expires", async || {
-            let expired = api.get(&format!("/v1/runs/run/leases/{}", other.id())).await.expect(200);
-            expired["status"] == "expired"
-        })
-        .await;
-        server.stop_and_check().await;
-    }
-}
-
 /// Times of the `Date` headers of many responses, from all threads of the server, in seconds since 1970.
 async fn response_dates(api: &ApiClient) -> Vec<i64> {
     let date = async || {

@@ -22,19 +22,17 @@ pub(crate) struct SlotQueue {
     first: u64,
 }
 
-/// Slot in the queue.
+/// Slot in the queue. Stored as `[proposal, group, lease, state]`: a queue can be long, and snapshots repeat it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(from = "(u64, u32, u64, StoredSlotState)", into = "(u64, u32, u64, StoredSlotState)")]
 struct QueuedSlot {
-    #[serde(flatten)]
     key: SlotKey,
     lease: u64,
-    #[serde(flatten)]
     state: SlotState,
 }
 
 /// State of a slot in the queue.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "state", rename_all = "snake_case")]
+#[derive(Debug, Clone, Copy, PartialEq)]
 enum SlotState {
     /// The slot has no value yet.
     Open,
@@ -42,6 +40,15 @@ enum SlotState {
     Resolved(SuccessInterval),
     /// The slot will never have a value: the server lost the group before a trainer saw it.
     Withdrawn,
+}
+
+/// Stored form of a slot's state: `null` if it is open, `false` if it was withdrawn, else its value as `[low, high]`.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[serde(untagged)]
+enum StoredSlotState {
+    Open(()),
+    Withdrawn(bool),
+    Resolved([f64; 2]),
 }
 
 /// Slot with its value.
@@ -131,12 +138,15 @@ impl SlotQueue {
         })
     }
 
-    /// First open slot, for which the later ones wait; `None` if no slot is open.
-    pub(crate) fn stalled(&self) -> Option<StalledSlot> {
+    /// First open slot, if at least `min_later` slots of later leases have their result and wait for it.
+    pub(crate) fn stalled(&self, min_later: u32) -> Option<StalledSlot> {
         let front = self.slots.front()?;
+        if self.slots.len() <= min_later as usize {
+            return None;
+        }
         let later =
             self.count(|slot| slot.lease > front.lease && matches!(slot.state, SlotState::Resolved(_)));
-        Some(StalledSlot { key: front.key, lease: front.lease, later })
+        (later >= min_later).then_some(StalledSlot { key: front.key, lease: front.lease, later })
     }
 
     /// Number of slots in the queue.
@@ -151,6 +161,28 @@ impl SlotQueue {
 
     fn count(&self, matches: impl Fn(&QueuedSlot) -> bool) -> u32 {
         u32::try_from(self.slots.iter().filter(|slot| matches(slot)).count()).unwrap_or(u32::MAX)
+    }
+}
+
+impl From<(u64, u32, u64, StoredSlotState)> for QueuedSlot {
+    fn from((proposal, group, lease, state): (u64, u32, u64, StoredSlotState)) -> Self {
+        let state = match state {
+            StoredSlotState::Open(()) => SlotState::Open,
+            StoredSlotState::Withdrawn(_) => SlotState::Withdrawn,
+            StoredSlotState::Resolved([low, high]) => SlotState::Resolved(SuccessInterval { low, high }),
+        };
+        Self { key: SlotKey { proposal, group }, lease, state }
+    }
+}
+
+impl From<QueuedSlot> for (u64, u32, u64, StoredSlotState) {
+    fn from(QueuedSlot { key, lease, state }: QueuedSlot) -> Self {
+        let state = match state {
+            SlotState::Open => StoredSlotState::Open(()),
+            SlotState::Withdrawn => StoredSlotState::Withdrawn(false),
+            SlotState::Resolved(SuccessInterval { low, high }) => StoredSlotState::Resolved([low, high]),
+        };
+        (key.proposal, key.group, lease, state)
     }
 }
 
@@ -231,7 +263,8 @@ mod tests {
         for proposal in 1..4 {
             queue.resolve(key(proposal), SUCCESS);
         }
-        assert_eq!(queue.stalled(), Some(StalledSlot { key: key(0), lease: 4, later: 1 }));
+        assert_eq!(queue.stalled(1), Some(StalledSlot { key: key(0), lease: 4, later: 1 }));
+        assert_eq!(queue.stalled(2), None);
     }
 
     #[test]
@@ -240,6 +273,7 @@ mod tests {
         queue.resolve(key(2), SuccessInterval { low: 0.25, high: 0.5 });
         queue.withdraw(key(3));
         let stored = serde_json::to_string(&queue).unwrap();
+        assert_eq!(stored, "[[0,0,0,null],[1,0,1,null],[2,0,2,[0.25,0.5]],[3,0,3,false]]");
         let mut restored: SlotQueue = serde_json::from_str(&stored).unwrap();
         assert_eq!(restored, queue);
         assert!(restored.resolve(key(0), SUCCESS) && restored.next_settled().is_some());

@@ -28,6 +28,60 @@ async fn assert_views_answer(api: &ApiClient) {
     }
 }
 
+/// Shifts the clock and waits until the deadline of the lease follows. The lease stays active.
+async fn jump(server: &FaultyServer, lease: &Value, offset_ms: i64) {
+    let api = server.api();
+    let expires =
+        |lease: &Value| lease["expires_at"].as_str().unwrap().parse::<jiff::Timestamp>().unwrap().as_second();
+    let before = expires(lease);
+    server.set(Fault::ClockMs, offset_ms);
+    let id = lease["lease"].as_str().unwrap();
+    wait_until("the deadline of the lease follows the clock", async || {
+        let now = api.get(&format!("/v1/runs/run/leases/{id}")).await.expect(200);
+        assert_eq!(now["status"], "active", "a clock jump does not end a lease");
+        let moved = expires(&now) - before;
+        (moved - offset_ms / 1000).abs() <= 3
+    })
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn clock_jump_keeps_leases_valid() {
+    for offset_ms in [DAY_MS, -DAY_MS] {
+        let server = FaultyServer::start();
+        let api = server.api();
+        let (results, lease) = start_run(&api).await;
+        jump(&server, &lease, offset_ms).await;
+        assert_all_counted(&api, &results).await;
+        let other = api.lease("run", json!({"groups": 1, "ttl_s": 1})).await;
+        wait_until("a lease of one second expires", async || {
+            lease_status(&api, &other.0).await == "expired"
+        })
+        .await;
+        server.stop_and_check().await;
+    }
+}
+
+/// A pause keeps its duration over a jump: the lease neither ends at the resumption nor lasts a day longer.
+#[tokio::test(flavor = "multi_thread")]
+async fn clock_jump_during_a_pause_keeps_leases_valid() {
+    for offset_ms in [DAY_MS, -DAY_MS] {
+        let server = FaultyServer::start();
+        let api = server.api();
+        let (results, lease) = start_run(&api).await;
+        let short = api.lease("run", json!({"groups": 1, "ttl_s": 5})).await;
+        let _ = api.post("/v1/runs/run/pause", json!({})).await.expect(200);
+        jump(&server, &lease, offset_ms).await;
+        let _ = api.post("/v1/runs/run/resume", json!({})).await.expect(200);
+        assert_all_counted(&api, &results).await;
+        wait_until("the lease of 5 seconds expires", async || {
+            lease_status(&api, &short.0).await == "expired"
+        })
+        .await;
+        server.stop_and_check().await;
+    }
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn clock_that_steps_back_and_forth_ends_no_lease() {
     let server = FaultyServer::start();
