@@ -98,7 +98,7 @@ pub enum LeaseDisclosure {
 #[serde(deny_unknown_fields)]
 pub struct BeginGroupsRequest {
     /// Numbers of the groups to begin, at least one and at most 1 024.
-    #[schema(min_items = 1, max_items = 1024)]
+    #[schema(min_items = 1, max_items = 1024, value_type = Vec<u32>)]
     pub groups: Vec<i64>,
 }
 

@@ -38,6 +38,7 @@ pub struct PolicyRequest {
     /// Version of the policy, which groups that start later get. Raise it when the endpoint serves new weights; it never decreases.
     pub version: Option<u32>,
     /// Sampling temperature of `chat`, from 0 to 5 (default: the server's setting, else the endpoint's).
+    #[schema(minimum = 0.0, maximum = 5.0)]
     pub temperature: Option<f64>,
     /// Number of earlier exchanges in the prompt of `chat`, from 0 to 64 (default 2).
     #[schema(minimum = 0, maximum = 64, default = 2)]

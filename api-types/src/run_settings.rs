@@ -33,8 +33,10 @@ pub struct RunRequest {
     /// True to find the first level by bisection over the levels (default true).
     pub placement: Option<bool>,
     /// Share of proposals whose scenario must be contested, from 0 to 1 (default 0.5).
+    #[schema(minimum = 0.0, maximum = 1.0)]
     pub contested_share: Option<f64>,
     /// Share of proposals at the current level, from 0 to 1 (default 0.7).
+    #[schema(minimum = 0.0, maximum = 1.0)]
     pub frontier_share: Option<f64>,
     /// Number of episodes of one scenario in a group, from 1 to 1 024 (default 1).
     #[schema(minimum = 1, maximum = 1024, default = 1)]
@@ -88,9 +90,11 @@ pub struct RunUpdate {
     pub target: Option<Target>,
     /// True to find the first level of new tasks by bisection over the levels.
     pub placement: Option<bool>,
-    /// Share of proposals whose scenario must be contested.
+    /// Share of proposals whose scenario must be contested, from 0 to 1.
+    #[schema(minimum = 0.0, maximum = 1.0)]
     pub contested_share: Option<f64>,
-    /// Share of proposals at the current level.
+    /// Share of proposals at the current level, from 0 to 1.
+    #[schema(minimum = 0.0, maximum = 1.0)]
     pub frontier_share: Option<f64>,
     /// Number of episodes of one scenario in a group, from 1 to 1 024.
     #[schema(minimum = 1, maximum = 1024)]
@@ -118,7 +122,8 @@ pub struct RunUpdate {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TaskSettingsRequest {
-    /// Weight of the task among the tasks of the run (default 1); each task gets at least 5 %.
+    /// Weight of the task among the tasks of the run, above 0 (default 1); each task gets at least 5 %.
+    #[schema(exclusive_minimum = 0.0)]
     pub weight: Option<f64>,
     /// Score from which an episode is a success under `success: raw` (default 0.7).
     pub success_threshold: Option<f64>,
@@ -165,10 +170,12 @@ pub enum SuccessSetting {
 pub struct DesignSettingsRequest {
     /// Share of training groups that are designed, from 0 to 1 (default 0.3), once there are failures and the task's placement
     /// is done. 0 turns designs off.
+    #[schema(minimum = 0.0, maximum = 1.0)]
     pub share: Option<f64>,
     /// Designer of the layouts (default `auto`).
     pub designer: Option<DesignerChoice>,
     /// Largest share of training groups for one layout, above 0 and at most 1 (default 0.05); four groups are always allowed.
+    #[schema(exclusive_minimum = 0.0, maximum = 1.0)]
     pub layout_share: Option<f64>,
     /// Number of active layouts near the current level that are kept in reserve for each task, from 1 to 64 (default 8).
     #[schema(minimum = 1, maximum = 64, default = 8)]

@@ -12,7 +12,7 @@ use crate::critique::parse_actions;
 use crate::demo::parse_episodes;
 use crate::design::brief::parse_param;
 use crate::logs::parse_log_filter;
-use crate::play::session::parse_response;
+use crate::play::session::{ServerUrls, parse_response};
 use crate::runs::create::parse_field;
 use crate::suite::build::parse_name;
 
@@ -20,6 +20,14 @@ use crate::suite::build::parse_name;
 pub fn events<'a>(chunks: impl Iterator<Item = &'a [u8]>) -> Vec<StreamedEvent> {
     let mut parser = EventParser::default();
     chunks.flat_map(|chunk| parser.push(chunk)).collect()
+}
+
+/// Parses the address of a server, and returns the URLs of its pages and of its sessions.
+///
+/// # Errors
+/// Returns why the text is no address.
+pub fn server_urls(text: &str) -> Result<(String, String), String> {
+    ServerUrls::parse(text).map(|urls| (urls.base.into(), urls.socket.into()))
 }
 
 /// Parses the message of an OpenEnv server.

@@ -26,6 +26,7 @@ pub mod plot;
 pub mod replay;
 pub mod run_names;
 pub mod runs;
+mod server_url;
 pub mod simulate;
 pub mod status;
 pub mod suite;

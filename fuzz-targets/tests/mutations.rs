@@ -60,7 +60,7 @@ tests! {
     settings snapshot curriculum_events suite_file
     design design_answer failure_profile layout_file
     chat_response retry_after json_in_text reply verdict
-    arguments bind config event_stream server_message actions_file
+    arguments bind server_address config event_stream server_message actions_file
 }
 
 #[test]

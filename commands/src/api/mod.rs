@@ -9,13 +9,15 @@ mod run_list;
 
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, anyhow, bail};
+use anyhow::{Context, anyhow};
 use api_types::ProblemDetails;
 use reqwest::header::RETRY_AFTER;
-use reqwest::{Client, Method, Response, StatusCode, Url};
+use reqwest::{Client, Method, Response, StatusCode};
 use secrecy::{ExposeSecret, SecretString};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+
+use crate::server_url::parse_server_url;
 
 pub use self::ca_args::CaArgs;
 pub use self::connection::{Connection, OwnService, ServerArgs, StartService, StartedService};
@@ -51,11 +53,8 @@ impl ApiClient {
     }
 
     fn with_token(url: &str, ca: &CaArgs, token: Option<SecretString>) -> anyhow::Result<Self> {
-        let invalid = || format!("--url: {url:?} must be a URL such as http://127.0.0.1:8700");
-        let parsed = Url::parse(url).map_err(|_| anyhow!(invalid()))?;
-        if !matches!(parsed.scheme(), "http" | "https") || parsed.host().is_none() {
-            bail!(invalid());
-        }
+        let parsed =
+            parse_server_url(url, &["http", "https"]).map_err(|reason| anyhow!("--url: {reason}"))?;
         let builder =
             llm::http_client_builder(ca.roots(parsed.scheme() == "https")).map_err(anyhow::Error::msg)?;
         let client = builder.connect_timeout(TIMEOUT).build()?;
@@ -241,7 +240,7 @@ fn certificate_problem(error: &(dyn std::error::Error + 'static)) -> Option<Stri
 
 /// Returns a path with an encoded query.
 pub(crate) fn with_query(path: &str, query: &[(&str, &str)]) -> String {
-    let encoded = Url::parse_with_params("http://localhost", query);
+    let encoded = reqwest::Url::parse_with_params("http://localhost", query);
     let encoded = encoded.ok().and_then(|url| url.query().map(str::to_owned)).unwrap_or_default();
     format!("{path}?{encoded}")
 }
@@ -273,7 +272,9 @@ mod tests {
 
     #[test]
     fn urls_are_checked() {
-        for wrong in ["nonsense", "ftp://host", "127.0.0.1:8700", ""] {
+        for wrong in
+            ["nonsense", "ftp://host", "127.0.0.1:8700", "", "http://user:word@h:1", "http://h:1/?a=b"]
+        {
             let error = format!("{:#}", ApiClient::with_token(wrong, &CaArgs::default(), None).unwrap_err());
             assert!(error.starts_with("--url: "), "{error}");
         }

@@ -4,7 +4,6 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::{anyhow, bail};
 use futures_util::{SinkExt, StreamExt};
 use llm::{sanitize_line, tls_config};
 use reqwest::Url;
@@ -19,6 +18,7 @@ use tokio_tungstenite::{Connector, MaybeTlsStream, WebSocketStream, connect_asyn
 use llm_policy::TimeStep;
 
 use crate::api::CaArgs;
+use crate::server_url::parse_server_url;
 
 /// Largest message in bytes. An observation with 1000 pieces of debris has about 100 000 bytes.
 const MAX_MESSAGE_BYTES: usize = 8 << 20;
@@ -63,6 +63,36 @@ pub(crate) enum SessionError {
     Nonsense { reason: String },
 }
 
+/// URLs of a server.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct ServerUrls {
+    /// URL of its pages, `http` or `https`.
+    pub(crate) base: Url,
+    /// URL of its sessions, `ws` or `wss`.
+    pub(crate) socket: Url,
+}
+
+impl ServerUrls {
+    /// Derives both URLs from one of them.
+    ///
+    /// # Errors
+    /// Returns an error if the text is no http(s) or ws(s) URL, or has a user, password, query or fragment.
+    pub(crate) fn parse(text: &str) -> Result<Self, String> {
+        let url = parse_server_url(text, &["http", "https", "ws", "wss"])?;
+        let (base, socket) = match url.scheme() {
+            "https" | "wss" => ("https", "wss"),
+            _ => ("http", "ws"),
+        };
+        let with = |scheme: &str| {
+            Url::parse(&url.as_str().replacen(url.scheme(), scheme, 1)).map_err(|error| error.to_string())
+        };
+        let (base, mut socket) = (with(base)?, with(socket)?);
+        let path = format!("{}/ws", socket.path().trim_end_matches('/'));
+        socket.set_path(&path);
+        Ok(Self { base, socket })
+    }
+}
+
 impl ServerAddress {
     /// Parses the address of a server, as `http://127.0.0.1:8700`.
     ///
@@ -70,25 +100,8 @@ impl ServerAddress {
     /// Returns an error if the text is no http(s) or ws(s) URL, or has a user, password, query or fragment, or if the file of
     /// certificate authorities cannot be used.
     pub(super) fn parse(text: &str, ca: &CaArgs) -> anyhow::Result<Self> {
-        let base = Url::parse(text)
-            .map_err(|_| anyhow!("{text:?} must be an address such as http://127.0.0.1:8700"))?;
-        let secure = match base.scheme() {
-            "http" | "ws" => false,
-            "https" | "wss" => true,
-            other => bail!("the scheme must be http, https, ws or wss, not {other}"),
-        };
-        let plain = base.username().is_empty() && base.password().is_none();
-        if !plain || base.query().is_some() || base.fragment().is_some() || base.host_str().is_none() {
-            bail!("it must be only a host, a port and a path: no user, password, query or fragment");
-        }
-        let with = |secure: &str, plain: &str, base: &Url| {
-            let scheme = if matches!(base.scheme(), "https" | "wss") { secure } else { plain };
-            Url::parse(&base.as_str().replacen(base.scheme(), scheme, 1))
-        };
-        let (base, mut socket) = (with("https", "http", &base)?, with("wss", "ws", &base)?);
-        let path = format!("{}/ws", socket.path().trim_end_matches('/'));
-        socket.set_path(&path);
-        let tls = if secure {
+        let ServerUrls { base, socket } = ServerUrls::parse(text).map_err(anyhow::Error::msg)?;
+        let tls = if base.scheme() == "https" {
             let config = tls_config(ca.roots(true)).map_err(anyhow::Error::msg)?;
             Connector::Rustls(Arc::new(config))
         } else {

@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 use cli::fuzzing::{bind_address, config_file, token_lifetime};
-use commands::fuzzing::{actions_file, arguments, events, server_message};
+use commands::fuzzing::{actions_file, arguments, events, server_message, server_urls};
 use commands::{llm_args, names, options};
 use env_core::{ActionLog, Recipe, Scenario, Seed};
 use llm_policy::judging::parse_judge;
@@ -14,6 +14,7 @@ use crate::target::{Target, json_seeds, seeds_of, with_json, with_text};
 pub(super) const TARGETS: &[Target] = &[
     Target::new("arguments", all_arguments, argument_seeds),
     Target::new("bind", bind, bind_seeds),
+    Target::new("server_address", server_address, address_seeds),
     Target::new("config", config, config_seeds),
     Target::new("event_stream", event_stream, event_seeds),
     Target::new("server_message", message, message_seeds),
@@ -53,6 +54,17 @@ fn bind(bytes: &[u8]) -> bool {
         let Ok(address) = bind_address(text) else { return false };
         let again = bind_address(&address).expect("the written address is valid");
         assert_eq!(bind_address(&again).as_ref(), Ok(&again), "the written address differs");
+        true
+    })
+}
+
+/// Both URLs of a server lead to the same URLs, and a socket's path ends in `/ws`.
+fn server_address(bytes: &[u8]) -> bool {
+    with_text(bytes, |text| {
+        let Ok((base, socket)) = server_urls(text) else { return false };
+        assert_eq!(server_urls(&base), Ok((base.clone(), socket.clone())), "{text:?}");
+        assert!(base.starts_with("http") && socket.starts_with("ws") && socket.ends_with("/ws"), "{text:?}");
+        assert!(!socket.contains(['?', '#']), "{socket:?} has a query or a fragment");
         true
     })
 }
@@ -136,6 +148,17 @@ fn bind_seeds() -> Vec<Vec<u8>> {
         "localhost",
         "localhost:8700",
         "10.0.0.1",
+    ])
+}
+
+fn address_seeds() -> Vec<Vec<u8>> {
+    seeds_of(&[
+        "http://127.0.0.1:8700",
+        "wss://example.org/sparring/",
+        "ws://[::1]:80/a/b",
+        "https://user:word@host:1/x?y=1#z",
+        "ftp://host",
+        "localhost:8700",
     ])
 }
 

@@ -43,8 +43,8 @@ impl Change for RequestDesign {
         let run = tx.run(self.run.as_str()).await?;
         let wanted = self.count.unwrap_or(run.state.settings.design.reserve.min(MAX_LAYOUTS_PER_REQUEST));
         check_range("count", wanted, 1, MAX_LAYOUTS_PER_REQUEST)?;
-        let designer = self.designer_kind(run.state)?;
-        let task = self.task_id(run.conn, run.state).await?;
+        let designer = self.designer_kind(&run.state)?;
+        let task = self.task_id(run.conn, &run.state).await?;
         let open = design_queue::count_open(run.conn, self.run.as_str()).await?;
         if open >= MAX_OPEN_REQUESTS {
             return Err(ServiceError::TooManyDesignRequests(open));

@@ -88,7 +88,7 @@ async fn start_waiting(run: &mut RunTx<'_>, id: i64) -> Result<Option<StartedDes
         return Ok(None);
     };
     let plan = run.state.settings.curriculum.tasks.iter().find(|plan| plan.task == request.task);
-    let Some(target) = plan.and_then(|plan| DesignTarget::of(run.state, plan)) else {
+    let Some(target) = plan.and_then(|plan| DesignTarget::of(&run.state, plan)) else {
         let error = Some("the run no longer has this task, or the task cannot be designed for".to_owned());
         let failed = DesignRequestResult { error, ..DesignRequestResult::default() };
         design_requests::finish(run.conn, id, &failed, run.now).await?;
@@ -96,7 +96,7 @@ async fn start_waiting(run: &mut RunTx<'_>, id: i64) -> Result<Option<StartedDes
     };
     let profile = CollectedProfile::load(run.conn, &run.state.run, &request.task).await?;
     let order = DesignOrder { id, designer: request.designer, wanted: to_u32(request.wanted) };
-    target.start(run.conn, run.state, order, &profile).await.map(Some)
+    target.start(run.conn, &run.state, order, &profile).await.map(Some)
 }
 
 /// Starts a request for the first task of the run that is due.

@@ -48,7 +48,7 @@ impl<'a> ReadTx<'a> {
     /// Returns [`ServiceError::UnknownRun`] if the run does not exist, and another error if it cannot be restored.
     pub async fn run(&mut self, run: &str) -> Result<(&RunState, &mut SqliteConnection), ServiceError> {
         let state = self.runs.load(self.conn, run).await?;
-        Ok((state, self.conn))
+        Ok((state.into_ref(), self.conn))
     }
 
     /// Returns the runs that are in memory, in no particular order.

@@ -1,6 +1,7 @@
 //! The runs in memory.
 
 use std::collections::HashMap;
+use std::ops::{Deref, DerefMut};
 
 use sqlx::SqliteConnection;
 use store::curriculum::NewCurriculumEvent;
@@ -14,8 +15,40 @@ use clock::Millis;
 #[derive(Debug, Default)]
 pub struct RunCache {
     runs: HashMap<String, RunState>,
-    /// Runs that the change being applied has loaded.
+    /// Runs that the change being applied has restored or changed.
     touched: Vec<String>,
+}
+
+/// State of a run in the cache. A mutable borrow marks the run as touched by the change being applied: restoring a run takes
+/// milliseconds, so that a rejected request should not evict it.
+#[derive(Debug)]
+pub struct CachedRun<'a> {
+    state: &'a mut RunState,
+    touched: &'a mut Vec<String>,
+}
+
+impl<'a> CachedRun<'a> {
+    /// Returns the state for reading.
+    pub(crate) fn into_ref(self) -> &'a RunState {
+        self.state
+    }
+}
+
+impl Deref for CachedRun<'_> {
+    type Target = RunState;
+
+    fn deref(&self) -> &RunState {
+        self.state
+    }
+}
+
+impl DerefMut for CachedRun<'_> {
+    fn deref_mut(&mut self) -> &mut RunState {
+        if !self.touched.contains(&self.state.run) {
+            self.touched.push(self.state.run.clone());
+        }
+        self.state
+    }
 }
 
 impl RunCache {
@@ -27,15 +60,15 @@ impl RunCache {
         &mut self,
         conn: &mut SqliteConnection,
         run: &str,
-    ) -> Result<&mut RunState, ServiceError> {
+    ) -> Result<CachedRun<'_>, ServiceError> {
         if !self.runs.contains_key(run) {
             let state = RunState::load(conn, run).await?;
             self.runs.insert(run.to_owned(), state);
-        }
-        if !self.touched.iter().any(|touched| touched == run) {
+            // The state may contain what the change wrote.
             self.touched.push(run.to_owned());
         }
-        self.runs.get_mut(run).ok_or_else(|| ServiceError::UnknownRun(run.to_owned()))
+        let state = self.runs.get_mut(run).ok_or_else(|| ServiceError::UnknownRun(run.to_owned()))?;
+        Ok(CachedRun { state, touched: &mut self.touched })
     }
 
     /// Returns a run if it is in memory.

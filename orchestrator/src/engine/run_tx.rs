@@ -6,7 +6,7 @@ use store::history::HistoryBucket;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::outbox::Outbox;
-use crate::engine::run_state::RunState;
+use crate::engine::run_cache::CachedRun;
 use clock::Millis;
 
 /// One run inside a write transaction: its state, the connection and the outbox, borrowed at the same time.
@@ -15,7 +15,7 @@ pub struct RunTx<'a> {
     /// The writer's connection, inside a transaction.
     pub conn: &'a mut SqliteConnection,
     /// The run in memory.
-    pub state: &'a mut RunState,
+    pub state: CachedRun<'a>,
     /// Events, history counts and signals of this transaction.
     pub outbox: &'a mut Outbox,
     /// The time of the change being applied, in milliseconds since the epoch.

@@ -82,7 +82,7 @@ impl Change for ReserveSuiteLease {
         let mut run = tx.run(id.as_str()).await?;
         let row = evaluations::get(run.conn, evaluation).await?.ok_or_else(|| unknown(evaluation))?;
         let group_size = apply_evaluation(&row, &mut request)?;
-        request.check(run.state)?;
+        request.check(&run.state)?;
         let waiting = evaluations::waiting(run.conn, evaluation, i64::from(request.groups)).await?;
         if waiting.is_empty() {
             let reason = "has no scenario left to lease: all are complete or leased";

@@ -109,8 +109,8 @@ impl Change for ReserveRanges {
 
     async fn apply(self, tx: &mut WriteTx) -> Result<ReservedRanges, ServiceError> {
         let (run, now) = (self.0.run.as_str(), tx.now);
-        let RunTx { state, conn, .. } = tx.run(run).await?;
-        let group_size = self.check(state)?;
+        let RunTx { mut state, conn, .. } = tx.run(run).await?;
+        let group_size = self.check(&state)?;
         self.0.new_row(conn, group_size, now).await?; // the run and the owner may have another lease
         let (mut first, mut ranges) = (0, Vec::new());
         let shares: Vec<u32> = split(self.0.groups).collect();
@@ -118,7 +118,7 @@ impl Change for ReserveRanges {
         let seqs: Vec<i64> = proposed.iter().map(|proposed| to_i64(proposed.seq)).collect();
         proposals::set_leased(conn, run, &seqs).await?;
         for ((number, groups), SequencedProposal { seq, proposal }) in (0..).zip(shares).zip(proposed) {
-            let range = seed_range(state, seq, &proposal, SeedRange { number, first, groups })?;
+            let range = seed_range(&state, seq, &proposal, SeedRange { number, first, groups })?;
             let recipe = recipe_of(&proposal).map_err(StoreError::from)?;
             ranges.push(RecipeRange { range, recipe: Arc::new(recipe) });
             first += groups;
@@ -139,7 +139,7 @@ impl Change for CreateColumnLease {
 
     async fn apply(self, tx: &mut WriteTx) -> Result<GrantedLease, ServiceError> {
         let (run, now) = (self.request.run.as_str(), tx.now);
-        let RunTx { state, conn, .. } = tx.run(run).await?;
+        let RunTx { mut state, conn, .. } = tx.run(run).await?;
         let group_size = self.request.group_size.unwrap_or(state.settings.group_size);
         let row = self.request.new_row(conn, group_size, now).await?;
         let row = LeaseRow { form: LeaseForm::Columns, ..row };
@@ -148,7 +148,7 @@ impl Change for CreateColumnLease {
             scenarios::insert_recipes(conn, &[&**recipe]).await?;
             columns::insert_range(conn, row.id, range).await?;
         }
-        self.store_sample(conn, state, &row, now).await?;
+        self.store_sample(conn, &mut state, &row, now).await?;
         tx.emit(run, &RunEvent::lease(&row, LeaseEvent::Created))?;
         Ok(GrantedLease { row, groups: Vec::new(), scenarios: None })
     }

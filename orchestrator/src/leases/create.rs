@@ -165,10 +165,10 @@ impl Change for CreateLease {
 
     async fn apply(self, tx: &mut WriteTx) -> Result<Self::Output, ServiceError> {
         let mut run = tx.run(self.run.as_str()).await?;
-        let group_size = self.check(run.state)?;
+        let group_size = self.check(&run.state)?;
         let row = self.new_row(run.conn, group_size, run.now).await?;
         let designed = match self.purpose {
-            Purpose::Train => serve::choose_layouts(run.conn, run.state, row.id, self.groups).await?,
+            Purpose::Train => serve::choose_layouts(run.conn, &run.state, row.id, self.groups).await?,
             Purpose::Probe | Purpose::Eval => vec![None; self.groups as usize],
         };
         let proposed = designed.iter().filter(|layout| layout.is_none()).count();
@@ -238,7 +238,7 @@ impl CreateLease {
                 Some(layout) => {
                     servable_layouts::add_group(run.conn, layout.id, run.now).await?;
                     let is_disclosed = self.disclosure == Disclosure::Lease;
-                    GroupRow { is_disclosed, ..serve::designed_group(run.state, number, layout) }
+                    GroupRow { is_disclosed, ..serve::designed_group(&run.state, number, layout) }
                 }
                 None => {
                     let Some(queued) = head.next() else { continue }; // the head has one proposal for each such group

@@ -73,7 +73,7 @@ impl Change for ReserveEvalLease {
         let Self(request) = self;
         let now = tx.now;
         let RunTx { state, conn, .. } = tx.run(request.run.as_str()).await?;
-        let group_size = request.check(state)?;
+        let group_size = request.check(&state)?;
         let row = request.new_row(conn, group_size, now).await?;
         leases::insert(conn, &row, &[]).await?;
         let status = state.curriculum.status();

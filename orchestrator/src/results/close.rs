@@ -68,11 +68,13 @@ pub(crate) async fn update_and_close(
     let numbers: Vec<i64> = closing.iter().map(|group| group.number).collect();
     let statistics = group_results::read(run.conn, lease, &numbers).await?;
     let statistics: BTreeMap<i64, GroupResult> = statistics.into_iter().map(|of| (of.number, of)).collect();
+    let panels = panel_success_rates(run, &closing, min_finished).await?;
     for group in &closing {
         let Some(statistics) = statistics.get(&group.number) else { continue }; // every group of the lease is in the store
         let closed = closed_group(lease, group, statistics);
         let is_enough = group.finished >= min_finished;
-        let one = ClosingGroup { lease, group, statistics, closed: &closed, is_enough };
+        let panel = panels.get(&group.number).copied();
+        let one = ClosingGroup { lease, group, statistics, closed: &closed, panel, is_enough };
         summary.moves.extend(one.close(run).await?);
         if lease.group_size > 1 && group.is_training_or_probe() {
             group_sums.push(group_counters(group, &closed));
@@ -114,6 +116,8 @@ struct ClosingGroup<'a> {
     group: &'a GroupRow,
     statistics: &'a GroupResult,
     closed: &'a GroupReceipt,
+    /// Share of blind plans that succeed on its scenario, if it was examined.
+    panel: Option<f64>,
     /// True if enough episodes finished for the group to say something about its scenario.
     is_enough: bool,
 }
@@ -124,12 +128,11 @@ impl ClosingGroup<'_> {
         let Self { lease, group, closed, is_enough, .. } = self;
         run.emit(&RunEvent::group(lease, group, closed.expired))?;
         self.count_expired_episodes(run).await?;
-        let panel = panel_success_rate(run, group, is_enough).await?;
         if group.is_training_or_probe() {
-            add_to_history(run, self, panel);
+            add_to_history(run, self);
         }
         if let Some(seq) = group.proposal {
-            self.observe_proposed_group(run, seq, panel).await
+            self.observe_proposed_group(run, seq).await
         } else if group.layout.is_some() {
             designs::outcome::observe_designed_group(run, lease, group, is_enough).await?;
             Ok(Vec::new())
@@ -156,7 +159,6 @@ impl ClosingGroup<'_> {
         self,
         run: &mut RunTx<'_>,
         seq: i64,
-        panel: Option<f64>,
     ) -> Result<Vec<LevelMove>, ServiceError> {
         let Self { lease, group, is_enough, .. } = self;
         let Some(body) = &self.statistics.proposal else { return Ok(Vec::new()) };
@@ -168,7 +170,7 @@ impl ClosingGroup<'_> {
         if !is_enough && run.state.curriculum.is_current(to_u64(seq), &proposal) {
             proposals::offer_again(run.conn, &lease.run, seq, MAX_ATTEMPTS).await?;
         }
-        let panel = panel.filter(|_| run.state.settings.curriculum.uses_panel());
+        let panel = self.panel.filter(|_| run.state.settings.curriculum.uses_panel());
         observe(run, self.outcome(seq, proposal, panel)).await
     }
 
@@ -202,27 +204,47 @@ impl ClosingGroup<'_> {
     }
 }
 
-/// Returns the share of blind plans that succeed on a group's scenario, if the strategy uses it or the history samples it.
-async fn panel_success_rate(
+/// Returns the share of blind plans that succeed on the scenarios of groups, by group number: of all groups if the strategy uses it,
+/// else of those that the history samples. All scenarios are read together.
+async fn panel_success_rates(
     run: &mut RunTx<'_>,
-    group: &GroupRow,
-    is_enough: bool,
-) -> Result<Option<f64>, ServiceError> {
-    let is_sampled = is_enough
-        && group.is_slot
-        && run.outbox.examined_panels(&run.state.run, &group.task) < MAX_EXAMINED_PANELS;
-    let is_used = group.proposal.is_some() && run.state.settings.curriculum.uses_panel();
-    if !is_sampled && !is_used {
-        return Ok(None);
+    closing: &[GroupRow],
+    min_finished: i64,
+) -> Result<BTreeMap<i64, f64>, ServiceError> {
+    let uses_panel = run.state.settings.curriculum.uses_panel();
+    let mut sampled: BTreeMap<&str, i64> = BTreeMap::new();
+    let mut examined: Vec<&GroupRow> = Vec::new();
+    for group in closing {
+        let is_used = uses_panel && group.proposal.is_some();
+        let mut is_sampled = group.is_slot && group.finished >= min_finished;
+        if is_sampled && !is_used {
+            let sampled = sampled.entry(&group.task).or_default();
+            *sampled += 1;
+            is_sampled =
+                run.outbox.examined_panels(&run.state.run, &group.task) + *sampled <= MAX_EXAMINED_PANELS;
+        }
+        if is_used || is_sampled {
+            examined.push(group);
+        }
     }
-    let scenarios = ScenarioCache::of(run.conn, &[&group.scenario]).await?;
-    let (scenario, bracket) = scenarios.get(&group.scenario, true)?;
-    Ok(bracket.map(|bracket| admission::panel_success_rate(scenario, bracket)))
+    if examined.is_empty() {
+        return Ok(BTreeMap::new());
+    }
+    let ids: Vec<&[u8]> = examined.iter().map(|group| group.scenario.as_slice()).collect();
+    let scenarios = ScenarioCache::of(run.conn, &ids).await?;
+    let mut panels = BTreeMap::new();
+    for group in examined {
+        let (scenario, bracket) = scenarios.get(&group.scenario, true)?;
+        if let Some(bracket) = bracket {
+            panels.insert(group.number, admission::panel_success_rate(scenario, bracket));
+        }
+    }
+    Ok(panels)
 }
 
 /// Adds a closed group to the history of its task. A missing episode of a slot counts as a failure.
-fn add_to_history(run: &mut RunTx<'_>, closing: ClosingGroup<'_>, panel: Option<f64>) {
-    let ClosingGroup { lease, group, closed, is_enough, .. } = closing;
+fn add_to_history(run: &mut RunTx<'_>, closing: ClosingGroup<'_>) {
+    let ClosingGroup { lease, group, closed, panel, is_enough, .. } = closing;
     let counts = run.task_counts(&group.task);
     if lease.group_size > 1 && is_enough {
         counts.groups += 1;

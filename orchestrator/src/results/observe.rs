@@ -14,7 +14,7 @@ pub(crate) async fn observe(
     run: &mut RunTx<'_>,
     outcome: GroupOutcome,
 ) -> Result<Vec<LevelMove>, ServiceError> {
-    let before = TaskMark::of(run.state, &outcome.task);
+    let before = TaskMark::of(&run.state, &outcome.task);
     let moves = run.state.observe(run.conn, outcome, run.now).await?;
     for job in run.state.curriculum.take_background_jobs() {
         tokio::task::spawn_blocking(move || job.run());
@@ -26,7 +26,7 @@ pub(crate) async fn observe(
 /// Drops slots whose groups the server lost before a trainer saw them, with the same effects.
 pub(crate) async fn withdraw(run: &mut RunTx<'_>, slots: Vec<Slot>) -> Result<Vec<LevelMove>, ServiceError> {
     let tasks: BTreeSet<&str> = slots.iter().map(|slot| slot.task.as_str()).collect();
-    let before = tasks.into_iter().map(|task| TaskMark::of(run.state, task)).collect();
+    let before = tasks.into_iter().map(|task| TaskMark::of(&run.state, task)).collect();
     let moves = run.state.withdraw_slots(run.conn, slots, run.now).await?;
     after_event(run, before, &moves).await?;
     Ok(moves)

@@ -340,7 +340,7 @@ impl ReportBatch {
             critiques::enqueue(&mut tx.conn, run, &jobs).await?;
             tx.outbox.signal(Signal::Critique);
         }
-        let RunTx { state, conn, .. } = tx.run(run).await?;
+        let RunTx { mut state, conn, .. } = tx.run(run).await?;
         if self.newest_policy > state.policy_version {
             state.policy_version = self.newest_policy;
             runs::set_policy_version(conn, run, self.newest_policy).await?;

@@ -49,7 +49,7 @@ impl Change for DescribePolicyVersion {
 
     async fn apply(self, tx: &mut WriteTx) -> Result<(), ServiceError> {
         let id = self.run.as_str();
-        let run = tx.run(id).await?;
+        let mut run = tx.run(id).await?;
         if !self.actor.is_admin() {
             check_version_step("version", self.version, run.state.policy_version)?;
         }

@@ -25,7 +25,7 @@ impl Change for SetPolicyVersion {
 
     async fn apply(self, tx: &mut WriteTx) -> Result<RunRow, ServiceError> {
         let id = self.run.as_str();
-        let run = tx.run(id).await?;
+        let mut run = tx.run(id).await?;
         if !self.actor.is_admin() {
             check_version_step("policy_version", self.policy_version, run.state.policy_version)?;
         }

@@ -23,7 +23,7 @@ impl Change for SetRetention {
 
     async fn apply(self, tx: &mut WriteTx) -> Result<RunRow, ServiceError> {
         let id = self.run.as_str();
-        let run = tx.run(id).await?;
+        let mut run = tx.run(id).await?;
         run.state.settings.retention = run.state.settings.retention.with(self.request);
         runs::set_settings(run.conn, id, &to_json(&run.state.settings)?, run.now).await?;
         runs::get(run.conn, id).await?.ok_or_else(|| ServiceError::UnknownRun(id.to_owned()))

@@ -54,10 +54,8 @@ async fn clock_jump_keeps_leases_valid() {
         jump(&server, &lease, offset_ms).await;
         assert_all_counted(&api, &results).await;
         let other = api.lease("run", json!({"groups": 1, "ttl_s": 1})).await;
-        wait_until("a lease of one second expires", async || {
-            lease_status(&api, &other.0).await == "expired"
-        })
-        .await;
+        wait_until("a lease of one second expires", async || lease_status(&api, &other.0).await == "expired")
+            .await;
         server.stop_and_check().await;
     }
 }
