@@ -129,3 +129,60 @@ impl RunCache {
         self.runs.into_values()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use api_types::RunRequest;
+    use clock::Clock;
+
+    use super::*;
+    use crate::engine::change::Change;
+    use crate::engine::signals::WorkerSignals;
+    use crate::engine::write_tx::WriteTx;
+    use crate::engine::writer::Writer;
+    use crate::runs::create_run::CreateRun;
+
+    const RUN: &str = "run";
+
+    /// Opens the run, changes it if `changes` is true, and fails.
+    struct Fail {
+        changes: bool,
+    }
+
+    impl Change for Fail {
+        type Output = ();
+
+        async fn apply(self, tx: &mut WriteTx) -> Result<(), ServiceError> {
+            let mut run = tx.run(RUN).await?;
+            if self.changes {
+                run.state.policy_version = 7;
+            }
+            Err(ServiceError::invalid("groups", "must be fewer"))
+        }
+    }
+
+    /// Tells whether the run is in memory, then opens it and returns its policy version.
+    struct Look;
+
+    impl Change for Look {
+        type Output = (bool, i64);
+
+        async fn apply(self, tx: &mut WriteTx) -> Result<(bool, i64), ServiceError> {
+            let is_cached = tx.runs.get(RUN).is_some();
+            Ok((is_cached, tx.run(RUN).await?.state.policy_version))
+        }
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn only_changed_runs_are_evicted_by_a_failed_change() {
+        let folder = tempfile::tempdir().unwrap();
+        let conn = store::open_writer(&folder.path().join("db")).await.unwrap();
+        let (writer, _task) = Writer::start(conn, None, Clock::manual(1_000).clock, WorkerSignals::default());
+        let request = RunRequest { id: Some(RUN.to_owned()), ..RunRequest::default() };
+        writer.change(CreateRun::from_request(&request).unwrap()).await.unwrap();
+        for (changes, is_cached) in [(false, true), (true, false), (false, true)] {
+            assert!(writer.change(Fail { changes }).await.is_err());
+            assert_eq!(writer.change(Look).await.unwrap(), (is_cached, 0), "changes: {changes}");
+        }
+    }
+}

@@ -120,10 +120,13 @@ class BearingSector(TypedDict):
     """Number of the sector, from 0."""
 
 
+Group: TypeAlias = int
+
+
 class BeginGroupsRequest(TypedDict):
     """Request to begin groups of a lease with `disclosure: begin`."""
 
-    groups: list[int]
+    groups: list[Group]
     """Numbers of the groups to begin, at least one and at most 1 024."""
 
 
@@ -1475,7 +1478,7 @@ class TaskSettingsRequest(TypedDict):
     success_threshold: NotRequired[float | None]
     """Score from which an episode is a success under `success: raw` (default 0.7)."""
     weight: NotRequired[float | None]
-    """Weight of the task among the tasks of the run (default 1); each task gets at least 5 %."""
+    """Weight of the task among the tasks of the run, above 0 (default 1); each task gets at least 5 %."""
 
 
 class TaskSpeedBands(TypedDict):
@@ -2206,10 +2209,10 @@ class RunUpdate(TypedDict):
     audit_groups: NotRequired[int | None]
     """Number of groups of a lease of columns whose logs are replayed, from 1 to 1 024."""
     contested_share: NotRequired[float | None]
-    """Share of proposals whose scenario must be contested."""
+    """Share of proposals whose scenario must be contested, from 0 to 1."""
     evidence_from: NotRequired[EvidenceFrom | None]
     frontier_share: NotRequired[float | None]
-    """Share of proposals at the current level."""
+    """Share of proposals at the current level, from 0 to 1."""
     group_size: NotRequired[int | None]
     """Number of episodes of one scenario in a group, from 1 to 1 024."""
     max_staleness: NotRequired[int | None]

@@ -24,7 +24,7 @@ pub(crate) struct SlotQueue {
 
 /// Slot in the queue. Stored as `[proposal, group, lease, state]`: a queue can be long, and snapshots repeat it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(from = "(u64, u32, u64, StoredSlotState)", into = "(u64, u32, u64, StoredSlotState)")]
+#[serde(from = "StoredSlot", into = "StoredSlot")]
 struct QueuedSlot {
     key: SlotKey,
     lease: u64,
@@ -42,8 +42,12 @@ enum SlotState {
     Withdrawn,
 }
 
+/// Stored form of a slot: its proposal, group, lease and state.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+struct StoredSlot(u64, u32, u64, StoredSlotState);
+
 /// Stored form of a slot's state: `null` if it is open, `false` if it was withdrawn, else its value as `[low, high]`.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[derive(Clone, Copy, Serialize, Deserialize)]
 #[serde(untagged)]
 enum StoredSlotState {
     Open(()),
@@ -164,8 +168,8 @@ impl SlotQueue {
     }
 }
 
-impl From<(u64, u32, u64, StoredSlotState)> for QueuedSlot {
-    fn from((proposal, group, lease, state): (u64, u32, u64, StoredSlotState)) -> Self {
+impl From<StoredSlot> for QueuedSlot {
+    fn from(StoredSlot(proposal, group, lease, state): StoredSlot) -> Self {
         let state = match state {
             StoredSlotState::Open(()) => SlotState::Open,
             StoredSlotState::Withdrawn(_) => SlotState::Withdrawn,
@@ -175,14 +179,14 @@ impl From<(u64, u32, u64, StoredSlotState)> for QueuedSlot {
     }
 }
 
-impl From<QueuedSlot> for (u64, u32, u64, StoredSlotState) {
+impl From<QueuedSlot> for StoredSlot {
     fn from(QueuedSlot { key, lease, state }: QueuedSlot) -> Self {
         let state = match state {
             SlotState::Open => StoredSlotState::Open(()),
             SlotState::Withdrawn => StoredSlotState::Withdrawn(false),
             SlotState::Resolved(SuccessInterval { low, high }) => StoredSlotState::Resolved([low, high]),
         };
-        (key.proposal, key.group, lease, state)
+        Self(key.proposal, key.group, lease, state)
     }
 }
 
