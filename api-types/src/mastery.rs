@@ -141,8 +141,8 @@ pub struct ClaimedEpisodeCounts {
 pub struct LevelMovePage {
     /// Level moves, oldest first.
     pub moves: Vec<RecordedMove>,
-    /// Success on contested scenarios over time: the evidence of each task in at most 100 parts of equal size. Empty except on the
-    /// first page.
+    /// Success on contested scenarios over time: the evidence of each task in at most 100 parts of about equal size, each at least a
+    /// minute long. Empty except on the first page.
     pub points: Vec<EvidencePoint>,
     /// Cursor of the next page; null on the last page.
     pub next: Option<String>,

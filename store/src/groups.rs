@@ -123,15 +123,6 @@ impl GroupRow {
     }
 }
 
-/// A group with the time when it closed.
-#[derive(Debug, Clone)]
-pub struct ClosedGroupRow {
-    /// Row of the group.
-    pub row: GroupRow,
-    /// When the group closed; 0 if it is open.
-    pub closed_at: Millis,
-}
-
 /// Adds groups to a lease.
 ///
 /// # Errors
@@ -182,52 +173,6 @@ macro_rules! query_groups {
 /// Returns [`StoreError::Database`] if the query fails.
 pub async fn of_lease(conn: &mut SqliteConnection, lease: i64) -> Result<Vec<GroupRow>, StoreError> {
     Ok(query_groups!("WHERE lease = ? ORDER BY number", lease).fetch_all(conn).await?)
-}
-
-/// Reads the groups of a closed lease in order, with the times when they closed.
-///
-/// # Errors
-/// Returns [`StoreError::Database`] if the query fails.
-pub async fn of_closed_lease(
-    conn: &mut SqliteConnection,
-    lease: i64,
-) -> Result<Vec<ClosedGroupRow>, StoreError> {
-    let rows = query!(
-        r#"SELECT number, proposal, layout, scenario, task, level, role AS "role: GroupRole",
-                  is_contested AS "is_contested: bool", state AS "state: GroupState", finished, failed, successes,
-                  is_evidence AS "is_evidence: bool", is_slot AS "is_slot: bool",
-                  is_disclosed AS "is_disclosed: bool", counted, counted_successes, abandoned,
-                  is_for_training AS "is_for_training: bool", closed_at
-           FROM groups WHERE lease = ? ORDER BY number"#,
-        lease
-    )
-    .fetch_all(conn)
-    .await?;
-    let closed = rows.into_iter().map(|r| ClosedGroupRow {
-        row: GroupRow {
-            number: r.number,
-            proposal: r.proposal,
-            layout: r.layout,
-            scenario: r.scenario,
-            task: r.task,
-            level: r.level,
-            role: r.role,
-            is_contested: r.is_contested,
-            state: r.state,
-            finished: r.finished,
-            failed: r.failed,
-            successes: r.successes,
-            is_evidence: r.is_evidence,
-            is_slot: r.is_slot,
-            is_disclosed: r.is_disclosed,
-            counted: r.counted,
-            counted_successes: r.counted_successes,
-            abandoned: r.abandoned,
-            is_for_training: r.is_for_training,
-        },
-        closed_at: r.closed_at.unwrap_or(0),
-    });
-    Ok(closed.collect())
 }
 
 /// Reads a group.

@@ -1,9 +1,8 @@
-//! Success over time, from slots: groups that are stored whole, and spans of compacted ones. Missing episodes count as failures. Tables `groups`
-//! and `compacted_progress`.
+//! Success over time, from the slots in the history of a run. Missing episodes count as failures. Table `task_history`.
 
 use std::collections::BTreeMap;
 
-use sqlx::{SqliteConnection, query};
+use sqlx::SqliteConnection;
 
 use super::StoreError;
 use crate::Millis;
@@ -11,7 +10,7 @@ use crate::Millis;
 /// Consecutive slots of a task.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProgressSpan {
-    /// When the last group closed.
+    /// End of the span, milliseconds since 1970-01-01 UTC.
     pub at: Millis,
     /// Lowest level that occurred.
     pub lowest_level: Option<i64>,
@@ -25,7 +24,7 @@ pub struct ProgressSpan {
 
 impl ProgressSpan {
     /// Adds a later span.
-    pub fn join(&mut self, later: &Self) {
+    fn join(&mut self, later: &Self) {
         let lowest = |a: Option<i64>, b: Option<i64>| a.into_iter().chain(b).min();
         *self = Self {
             at: self.at.max(later.at),
@@ -46,7 +45,8 @@ pub struct TaskSpan {
     pub span: ProgressSpan,
 }
 
-/// Reads the evidence of each task of a run in order of time, in at most `parts` spans of about equal size.
+/// Reads the evidence of each task of a run in order of time, in at most `parts` spans of about equal size. A span is at least a
+/// minute long.
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if a query fails.
@@ -56,9 +56,7 @@ pub async fn of_run(
     parts: usize,
 ) -> Result<Vec<TaskSpan>, StoreError> {
     let mut spans = BTreeMap::<String, Vec<ProgressSpan>>::new();
-    for TaskSpan { task, span } in
-        compacted(conn, run).await?.into_iter().chain(whole(conn, run, parts).await?)
-    {
+    for TaskSpan { task, span } in buckets(conn, run).await? {
         spans.entry(task).or_default().push(span);
     }
     let thinned = spans.into_iter().flat_map(|(task, spans)| {
@@ -84,7 +82,7 @@ fn thin(spans: Vec<ProgressSpan>, limit: usize) -> Vec<ProgressSpan> {
     thinned
 }
 
-/// A row of either query.
+/// A row of the query.
 struct SpanRow {
     task: String,
     at: Millis,
@@ -101,101 +99,22 @@ impl From<SpanRow> for TaskSpan {
     }
 }
 
-/// Reads spans of groups that are stored whole.
-async fn whole(conn: &mut SqliteConnection, run: &str, parts: usize) -> Result<Vec<TaskSpan>, StoreError> {
-    let parts = parts as i64;
+/// Reads the buckets of a run's history that have slots: of a minute if they are all kept, else of an hour.
+async fn buckets(conn: &mut SqliteConnection, run: &str) -> Result<Vec<TaskSpan>, StoreError> {
     let rows = sqlx::query_as!(
         SpanRow,
-        r#"SELECT task AS "task!", max(closed_at) AS "at!: i64", min(level) AS "lowest_level: i64",
-                  max(level) AS "highest_level: i64", count(*) AS "groups!: i64",
-                  sum(max(0.0, counted_successes - abandoned) / group_size) AS "success_rate_sum!: f64"
-           FROM (
-               SELECT g.task, g.level, g.closed_at, g.counted_successes, g.abandoned, l.group_size,
-                      ntile(?2) OVER (PARTITION BY g.task ORDER BY g.closed_at, g.lease, g.number) AS part
-               FROM leases l JOIN groups g ON g.lease = l.id
-               WHERE l.run = ?1 AND l.is_compacted = 0 AND g.is_slot = 1 AND g.state <> 'open'
-           )
-           GROUP BY task, part ORDER BY task, part"#,
-        run,
-        parts
-    )
-    .fetch_all(conn)
-    .await?;
-    Ok(rows.into_iter().map(TaskSpan::from).collect())
-}
-
-/// Reads spans of compacted groups.
-async fn compacted(conn: &mut SqliteConnection, run: &str) -> Result<Vec<TaskSpan>, StoreError> {
-    let rows = sqlx::query_as!(
-        SpanRow,
-        "SELECT task, at, lowest_level, highest_level, groups, success_rate_sum FROM compacted_progress
-         WHERE run = ? ORDER BY task, seq",
+        r#"WITH all_slots (width, slots) AS MATERIALIZED (
+               SELECT width, sum(contested_groups) FROM task_history WHERE run = ?1 GROUP BY width)
+           SELECT task, start + width AS "at!: i64", lowest_level, highest_level, contested_groups AS groups, success_rate_sum
+           FROM task_history
+           WHERE run = ?1 AND contested_groups > 0
+                 AND width = (SELECT min(width) FROM all_slots WHERE slots = (SELECT max(slots) FROM all_slots))
+           ORDER BY task, start"#,
         run
     )
     .fetch_all(conn)
     .await?;
     Ok(rows.into_iter().map(TaskSpan::from).collect())
-}
-
-/// A stored span grows until it holds this fraction of all groups. A long run has about a thousand spans.
-const SPAN_FRACTION: i64 = 128;
-/// A stored span grows at least to this number of groups.
-const MIN_SPAN_GROUPS: i64 = 8;
-
-/// Adds groups of a task that are compacted now.
-///
-/// # Errors
-/// Returns [`StoreError::Database`] if a statement fails.
-pub async fn add_compacted(
-    conn: &mut SqliteConnection,
-    run: &str,
-    task: &str,
-    span: &ProgressSpan,
-) -> Result<(), StoreError> {
-    let last = query!(
-        r#"SELECT seq, at, lowest_level, highest_level, groups, success_rate_sum,
-                  (SELECT sum(groups) FROM compacted_progress WHERE run = ?1 AND task = ?2) AS "all_groups!: i64"
-           FROM compacted_progress WHERE run = ?1 AND task = ?2 ORDER BY seq DESC LIMIT 1"#,
-        run,
-        task
-    )
-    .fetch_optional(&mut *conn)
-    .await?;
-    let (seq, span) = match last {
-        None => (0, span.clone()),
-        Some(last) if last.groups >= MIN_SPAN_GROUPS.max(last.all_groups / SPAN_FRACTION) => {
-            (last.seq + 1, span.clone())
-        }
-        Some(last) => {
-            let mut joined = ProgressSpan {
-                at: last.at,
-                lowest_level: last.lowest_level,
-                highest_level: last.highest_level,
-                groups: last.groups,
-                success_rate_sum: last.success_rate_sum,
-            };
-            joined.join(span);
-            (last.seq, joined)
-        }
-    };
-    query!(
-        "INSERT INTO compacted_progress (run, task, seq, at, lowest_level, highest_level, groups, success_rate_sum)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?)
-         ON CONFLICT (run, task, seq) DO UPDATE SET at = excluded.at, lowest_level = excluded.lowest_level,
-             highest_level = excluded.highest_level, groups = excluded.groups,
-             success_rate_sum = excluded.success_rate_sum",
-        run,
-        task,
-        seq,
-        span.at,
-        span.lowest_level,
-        span.highest_level,
-        span.groups,
-        span.success_rate_sum
-    )
-    .execute(conn)
-    .await?;
-    Ok(())
 }
 
 #[cfg(test)]

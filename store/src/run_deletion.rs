@@ -134,7 +134,6 @@ const DELETIONS: &[Deletion] = &[
     Deletion::new(first!("failure_cells")).has_children(),
     Deletion::new(of_run!("failure_inertial_sectors", "run, task, mode, sector")),
     Deletion::new(of_run!("compacted_leases", "id")).weight(8),
-    Deletion::new(of_run!("compacted_progress", "run, task, seq")),
     Deletion::new(of_first!("leases", "critique_queue", "lease", "id")),
     Deletion::new(of_first!("leases", "action_logs", "lease", "id")),
     Deletion::new(of_first!("leases", "episodes", "lease", "lease, number")),

@@ -5,10 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use store::compacted_leases::{self, CompactedClaim, CompactedEpisode, CompactedGroup, CompactedLease};
 use store::episodes::{self, EpisodeRow};
-use store::groups::{self, ClosedGroupRow, GroupRow, GroupState};
+use store::groups::{self, GroupRow};
 use store::keys::{EpisodeSpan, GroupKey};
 use store::leases::{LeaseForm, LeaseRow};
-use store::progress::{self, ProgressSpan};
 use store::retention;
 use store::{StoreError, columns, gc};
 
@@ -16,7 +15,6 @@ use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
 use crate::metrics;
-use crate::results::slot_value::slot_value;
 use crate::retention::move_evidence::MoveEvidenceSpans;
 
 /// Maximum number of episodes in one change, so that the next change waits a few milliseconds only.
@@ -134,8 +132,6 @@ struct CompactionBatch {
     spans: Vec<EpisodeSpan>,
     /// Scenarios that only the deleted groups may refer to.
     scenarios: Vec<Vec<u8>>,
-    /// Success over time of leases that are compacted for the first time, by task.
-    progress: BTreeMap<String, ProgressSpan>,
 }
 
 impl CompactionBatch {
@@ -157,12 +153,7 @@ impl CompactionBatch {
             let of_lease: BTreeSet<i64> =
                 examples.iter().filter(|key| key.lease == row.id).map(|key| key.number).collect();
             let mut removable = Vec::new();
-            for ClosedGroupRow { row: group, closed_at } in
-                groups::of_closed_lease(&mut tx.conn, row.id).await?
-            {
-                if !row.is_compacted {
-                    batch.add_progress(&row, &group, closed_at);
-                }
+            for group in groups::of_lease(&mut tx.conn, row.id).await? {
                 if !evidence.contain(&group) && !is_first_of_layout(tx, &row, &group).await? {
                     let first = group.number * size;
                     let examples = of_lease.range(first..first + size).copied().collect();
@@ -173,22 +164,6 @@ impl CompactionBatch {
             batch.add_lease(tx, row, removable, episodes).await?;
         }
         Ok(batch)
-    }
-
-    /// Adds a slot to the success over time of its task. Missing episodes count as failures.
-    fn add_progress(&mut self, lease: &LeaseRow, group: &GroupRow, closed_at: i64) {
-        if !group.is_slot || group.state == GroupState::Open {
-            return;
-        }
-        let sum = slot_value(group, lease.group_size).low;
-        let of_group = ProgressSpan {
-            at: closed_at,
-            lowest_level: group.level,
-            highest_level: group.level,
-            groups: 1,
-            success_rate_sum: sum,
-        };
-        self.progress.entry(group.task.clone()).and_modify(|span| span.join(&of_group)).or_insert(of_group);
     }
 
     /// Adds a lease with the groups that are deleted.
@@ -260,7 +235,7 @@ impl CompactionBatch {
 
     /// Writes the compacted leases and deletes what they replace.
     async fn write(self, tx: &mut WriteTx, run: &str) -> Result<(), StoreError> {
-        let Self { leases, groups, spans, scenarios, progress } = self;
+        let Self { leases, groups, spans, scenarios } = self;
         let now = tx.now;
         let conn = &mut tx.conn;
         let ids: Vec<i64> = leases.iter().map(|lease| lease.row.id).collect();
@@ -269,9 +244,6 @@ impl CompactionBatch {
         let known: Vec<_> = known.into_iter().filter(|lease| !lease.groups.is_empty()).collect();
         compacted_leases::insert(conn, run, &new, now).await?;
         compacted_leases::extend(conn, run, &known, now).await?;
-        for (task, span) in &progress {
-            progress::add_compacted(conn, run, task, span).await?;
-        }
         gc::delete_groups(conn, &groups, &spans).await?;
         gc::delete_leases(conn, &ids).await?;
         gc::delete_scenarios(conn, &scenarios).await

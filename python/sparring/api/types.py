@@ -2024,8 +2024,8 @@ class LevelMovePage(TypedDict):
     """Cursor of the next page; null on the last page."""
     points: list[EvidencePoint]
     """
-    Success on contested scenarios over time: the evidence of each task in at most 100 parts of equal size. Empty except on the
-    first page.
+    Success on contested scenarios over time: the evidence of each task in at most 100 parts of about equal size, each at least a
+    minute long. Empty except on the first page.
     """
 
 
