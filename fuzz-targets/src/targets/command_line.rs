@@ -156,9 +156,7 @@ fn address_seeds() -> Vec<Vec<u8>> {
         "http://127.0.0.1:8700",
         "wss://example.org/sparring/",
         "ws://[::1]:80/a/b",
-        "https://user:word@host:1/x?y=1#z",
-        "ftp://host",
-        "localhost:8700",
+        "https://host:1/x%3Fy@z",
     ])
 }
 
