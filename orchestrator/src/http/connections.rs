@@ -18,7 +18,8 @@ use tower_http::add_extension::AddExtension;
 use super::counted_stream::CountedStream;
 use super::tls::{ServerTls, TlsHandshakes};
 use crate::limits::constants::{
-    MAX_CONNECTIONS, MAX_CONNECTIONS_PER_ADDRESS, MAX_READ_AHEAD_BYTES, REQUEST_HEAD_TIMEOUT,
+    HANDSHAKE_TIMEOUT, MAX_CONNECTIONS, MAX_CONNECTIONS_PER_ADDRESS, MAX_READ_AHEAD_BYTES,
+    REQUEST_HEAD_TIMEOUT,
 };
 use crate::limits::{Quota, QuotaPermit};
 
@@ -102,7 +103,8 @@ impl ConnectionServer {
         // Responses are written whole, so Nagle's algorithm would only delay them.
         drop(stream.set_nodelay(true));
         let stream = CountedStream::new(stream, permit);
-        let first = stream.wait_for_first_byte(REQUEST_HEAD_TIMEOUT, self.stopped.clone()).await;
+        let timeout = if self.handshakes.is_some() { HANDSHAKE_TIMEOUT } else { REQUEST_HEAD_TIMEOUT };
+        let first = stream.wait_for_first_byte(timeout, self.stopped.clone()).await;
         let served = match (first, self.handshakes.clone()) {
             (None, _) => return,
             (Some(_), None) => self.serve_http(stream, peer).await,

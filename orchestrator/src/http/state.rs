@@ -42,6 +42,8 @@ pub struct AppState {
     pub events: Arc<watch::Sender<u64>>,
     /// Quota of event listeners.
     pub listeners: Arc<Quota>,
+    /// Quota of answers with trajectories.
+    pub feed_answers: Arc<Quota>,
     /// Concurrency limits of expensive requests.
     pub concurrency: ConcurrencyLimits,
     /// Designers of new layouts.

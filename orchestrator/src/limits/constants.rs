@@ -27,6 +27,10 @@ pub const REQUEST_TIMEOUT: Duration = Duration::from_secs(60);
 pub const LONG_POLL_EXTRA_TIMEOUT: Duration = Duration::from_secs(30);
 /// Maximum number of long polls that wait at the same time.
 pub const MAX_LONG_POLLS: usize = 64;
+/// Maximum number of answers with trajectories that clients read or wait for at the same time.
+pub const MAX_FEED_ANSWERS: usize = 256;
+/// Maximum number of such answers of one client.
+pub const MAX_FEED_ANSWERS_PER_CLIENT: usize = MAX_FEED_ANSWERS / 4 * 3;
 /// Maximum time that a request waits for a permit of a [`ConcurrencyLimit`](super::ConcurrencyLimit).
 pub const CONCURRENCY_WAIT_TIMEOUT: Duration = Duration::from_secs(10);
 
@@ -127,6 +131,8 @@ mod tests {
             ("MAX_VIEWERS", grouped(MAX_VIEWERS)),
             ("MAX_VIEWERS_PER_CLIENT", grouped(MAX_VIEWERS_PER_CLIENT)),
             ("MAX_LONG_POLLS", grouped(MAX_LONG_POLLS)),
+            ("MAX_FEED_ANSWERS", grouped(MAX_FEED_ANSWERS)),
+            ("MAX_FEED_ANSWERS_PER_CLIENT", grouped(MAX_FEED_ANSWERS_PER_CLIENT)),
             ("MAX_ANSWER_BYTES", bytes(usize::try_from(MAX_ANSWER_BYTES).expect("a size"))),
         ];
         for (name, value) in &limits {

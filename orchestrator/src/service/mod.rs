@@ -24,7 +24,9 @@ use crate::engine::writer::Writer;
 use crate::http::state::AppState;
 use crate::http::{self, ApiSurface, ServerTls};
 use crate::leases::lease_service::LeaseService;
-use crate::limits::constants::{MAX_LARGE_BODIES, MAX_LISTENERS, MAX_LISTENERS_PER_CLIENT};
+use crate::limits::constants::{
+    MAX_FEED_ANSWERS, MAX_FEED_ANSWERS_PER_CLIENT, MAX_LARGE_BODIES, MAX_LISTENERS, MAX_LISTENERS_PER_CLIENT,
+};
 use crate::limits::{BodyLimit, ConcurrencyLimits, LongPollLimit, Quota};
 use crate::sessions::{SessionLimits, SessionManager};
 use crate::threads::{self, ThreadPriority};
@@ -215,6 +217,7 @@ fn create_state(
         body_limit: BodyLimit::new(MAX_LARGE_BODIES),
         events: Arc::clone(&signals.events),
         listeners: Arc::new(Quota::new(MAX_LISTENERS, MAX_LISTENERS_PER_CLIENT)),
+        feed_answers: Arc::new(Quota::new(MAX_FEED_ANSWERS, MAX_FEED_ANSWERS_PER_CLIENT)),
         concurrency: ConcurrencyLimits::default(),
         designers: config.designers,
         judges: config.judges,

@@ -37,7 +37,9 @@ async fn invalid_frames_are_answered_by_a_close_code() {
     let address = server.address().to_owned();
     let invalid_utf8 = raw_frame(0x81, &[0xff, 0xfe]);
     let unmasked = vec![0x81, 2, b'h', b'i'];
-    let cases: [(&str, Vec<u8>, u16); 10] = [
+    let too_large = [[0x81, 0xff].as_slice(), &(17_u64 << 20).to_be_bytes(), &[0; 4]].concat();
+    let cases: [(&str, Vec<u8>, u16); 11] = [
+        ("head of a text of 17 MiB", too_large, 1009),
         ("reserved bits", raw_frame(0xf1, b"x"), 1002),
         ("unknown opcode", raw_frame(0x83, b"x"), 1002),
         ("unknown control opcode", raw_frame(0x8b, b"x"), 1002),

@@ -54,7 +54,11 @@ pub(super) async fn serve(mut socket: WebSocket, app: AppState, who: ClientIdent
     let mut closing = app.sessions.close_signal(&who);
     let mut early = None;
     let opened = open_session(&mut socket, &app, &who, &mut closing, &mut early).await;
-    let Some(opened) = opened else { return };
+    let opened = match opened {
+        Ok(opened) => opened,
+        Err(Some(code)) => return close_with(socket, code, "").await,
+        Err(None) => return,
+    };
     let OpenedSession { attachment, text, frame, is_resumable } = opened;
     let mut sent = send_text(&mut socket, text.into()).await;
     if let (Ok(()), Some(frame)) = (&sent, frame) {
@@ -70,13 +74,16 @@ pub(super) async fn serve(mut socket: WebSocket, app: AppState, who: ClientIdent
 }
 
 /// Waits for the message that opens a session. Until then a connection uses a buffer, but no place of the session quota.
+///
+/// # Errors
+/// Returns the code with which to close a connection that opens no session; `None` if the client is gone.
 async fn open_session(
     socket: &mut WebSocket,
     app: &AppState,
     who: &ClientIdentity,
     closing: &mut CloseSignal,
     early: &mut Option<Received>,
-) -> Option<OpenedSession> {
+) -> Result<OpenedSession, Option<u16>> {
     let until = Instant::now() + OPEN_TIMEOUT;
     loop {
         let received = match closing.reason().map(Received::Stop).or_else(|| early.take()) {
@@ -86,13 +93,14 @@ async fn open_session(
                 reason = closing.closed() => Received::Stop(reason),
             },
         };
+        let code = if matches!(received, Received::TooLarge) { close_code::SIZE } else { close_code::NORMAL };
         let error = match received {
             Received::Text(text) => {
                 match run_to_completion(socket, early, open_or_resume(app, who, &text)).await {
-                    Ok(opened) => return Some(opened),
+                    Ok(opened) => return Ok(opened),
                     Err((id, error)) => {
                         if send_text(socket, error.to_json(id).into()).await.is_err() {
-                            return None;
+                            return Err(None);
                         }
                         continue;
                     }
@@ -104,11 +112,11 @@ async fn open_session(
             Received::Idle => ErrorMessage::new("idle_timeout", "no session was opened within 10 s").ending(),
             Received::Stop(reason) => closing_error(reason).ending(),
             Received::TooLarge => ErrorMessage::new("too_large", TOO_LARGE).ending(),
-            Received::Left | Received::Gone => return None,
+            Received::Left | Received::Gone => return Err(None),
         };
-        let sent = send_text(socket, error.to_json(None).into()).await;
-        if sent.is_err() || error.ends_session {
-            return None;
+        send_text(socket, error.to_json(None).into()).await.map_err(|ClientGone| None)?;
+        if error.ends_session {
+            return Err(Some(code));
         }
     }
 }

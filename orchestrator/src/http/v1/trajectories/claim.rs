@@ -3,14 +3,16 @@
 use std::time::Duration;
 
 use api_types::{DeliveredGroup, TrajectoryClaim, TrajectoryPage};
+use axum::Extension;
 use axum::extract::State;
 use axum::http::HeaderMap;
 use axum::response::Response;
 use store::ids::RunId;
 use store::trajectories::{self, FeedGroup};
 
-use super::response::{groups_response, read_groups};
+use super::response::{acquire_answer, groups_response};
 use super::wait::{FeedSource, WaitParams, check_range, wait_for_groups};
+use crate::http::access::Caller;
 use crate::http::extract::{Json, NoQuery, Path};
 use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
@@ -59,13 +61,14 @@ impl FeedSource for ClaimableGroups {
         )),
         (status = 400, body = Problem), (status = 404, body = Problem), (status = 408, body = Problem), (status = 413, body = Problem),
         (status = 415, body = Problem), (status = 422, body = Problem),
-        (status = 429, body = Problem, description = "Too many long polls are open; retry after `Retry-After`."),
+        (status = 429, body = Problem, description = "Too many long polls or answers are open; retry after `Retry-After`."),
         (status = 503, body = Problem)
     )
 )]
 pub(in crate::http::v1) async fn claim_trajectories(
     _: NoQuery,
     State(app): State<AppState>,
+    Extension(caller): Extension<Caller>,
     Path(run): Path<String>,
     headers: HeaderMap,
     Json(claim): Json<TrajectoryClaim>,
@@ -76,7 +79,8 @@ pub(in crate::http::v1) async fn claim_trajectories(
     let ttl_ms = check_range("ttl_s", ttl_s, 600, 1..=86_400)? * 1000;
     let source = ClaimableGroups { run, limit: params.limit, ttl_ms };
     drop(acquire_run_reader(&app, &source.run).await?);
-    let groups = read_groups(&app, wait_for_groups(&app, &source, params.wait).await?).await?;
-    let next = groups.last().map(|last| last.head.id);
-    Ok(groups_response(&headers, groups, next))
+    let permit = acquire_answer(&app, &caller.identity)?;
+    let heads = wait_for_groups(&app, &source, params.wait).await?;
+    let next = heads.last().map(|last| last.id);
+    Ok(groups_response(&app, &headers, heads, next, permit))
 }

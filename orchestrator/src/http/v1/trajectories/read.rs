@@ -1,14 +1,16 @@
 //! Reading of groups from an id on, which changes nothing.
 
 use api_types::{DeliveredGroup, TrajectoryPage, TrajectoryQuery};
+use axum::Extension;
 use axum::extract::State;
 use axum::http::HeaderMap;
 use axum::response::Response;
 use store::ids::RunId;
 use store::trajectories::{self, FeedGroup};
 
-use super::response::{groups_response, read_groups};
+use super::response::{acquire_answer, groups_response};
 use super::wait::{FeedSource, WaitParams, wait_for_groups};
+use crate::http::access::Caller;
 use crate::http::extract::{Path, Query};
 use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
@@ -42,12 +44,13 @@ impl FeedSource for GroupsAfter {
             (TrajectoryPage = "application/json"), (DeliveredGroup = "application/x-ndjson"), (TrajectoryPage = "application/msgpack")
         )),
         (status = 400, body = Problem), (status = 404, body = Problem), (status = 422, body = Problem),
-        (status = 429, body = Problem, description = "Too many long polls are open; retry after `Retry-After`."),
+        (status = 429, body = Problem, description = "Too many long polls or answers are open; retry after `Retry-After`."),
         (status = 503, body = Problem)
     )
 )]
 pub(in crate::http::v1) async fn read_trajectories(
     State(app): State<AppState>,
+    Extension(caller): Extension<Caller>,
     Path(run): Path<String>,
     Query(query): Query<TrajectoryQuery>,
     headers: HeaderMap,
@@ -58,7 +61,8 @@ pub(in crate::http::v1) async fn read_trajectories(
     let params = WaitParams::from_request(limit, wait_s)?;
     let source = GroupsAfter { run, after, limit: params.limit };
     drop(acquire_run_reader(&app, &source.run).await?);
-    let groups = read_groups(&app, wait_for_groups(&app, &source, params.wait).await?).await?;
-    let next = groups.last().map_or(after, |last| last.head.id);
-    Ok(groups_response(&headers, groups, Some(next)))
+    let permit = acquire_answer(&app, &caller.identity)?;
+    let heads = wait_for_groups(&app, &source, params.wait).await?;
+    let next = heads.last().map_or(after, |last| last.id);
+    Ok(groups_response(&app, &headers, heads, Some(next), permit))
 }
