@@ -21,6 +21,12 @@ async fn assert_all_counted(api: &ApiClient, results: &[Value]) {
     assert!(receipts["results"].as_array().unwrap().iter().all(|r| r["status"] == "counted"), "{receipts}");
 }
 
+async fn assert_short_lease_expires(api: &ApiClient) {
+    let lease = api.lease("run", json!({"groups": 1, "ttl_s": 1})).await;
+    wait_until("a lease of one second expires", async || lease_status(api, &lease.0).await == "expired")
+        .await;
+}
+
 /// Reads everything that is computed from times.
 async fn assert_views_answer(api: &ApiClient) {
     for path in ["overview", "series", "mastery", "episodes", "leases", "level_moves"] {
@@ -53,9 +59,7 @@ async fn clock_jump_keeps_leases_valid() {
         let (results, lease) = start_run(&api).await;
         jump(&server, &lease, offset_ms).await;
         assert_all_counted(&api, &results).await;
-        let other = api.lease("run", json!({"groups": 1, "ttl_s": 1})).await;
-        wait_until("a lease of one second expires", async || lease_status(&api, &other.0).await == "expired")
-            .await;
+        assert_short_lease_expires(&api).await;
         server.stop_and_check().await;
     }
 }
@@ -101,9 +105,7 @@ async fn clock_that_steps_back_and_forth_ends_no_lease() {
         }
         assert_views_answer(&api).await;
     }
-    let other = api.lease("run", json!({"groups": 1, "ttl_s": 1})).await;
-    wait_until("a lease of one second expires", async || lease_status(&api, &other.0).await == "expired")
-        .await;
+    assert_short_lease_expires(&api).await;
     server.stop_and_check().await;
 }
 
@@ -118,8 +120,6 @@ async fn server_with_an_earlier_clock_continues() {
     assert_eq!(lease_status(&api, &lease).await, "active");
     assert_all_counted(&api, &results[4..]).await;
     assert_views_answer(&api).await;
-    let other = api.lease("run", json!({"groups": 1, "ttl_s": 1})).await;
-    wait_until("a lease of one second expires", async || lease_status(&api, &other.0).await == "expired")
-        .await;
+    assert_short_lease_expires(&api).await;
     server.stop_and_check().await;
 }
