@@ -13,6 +13,7 @@ use super::level_move::BlockSummary;
 use super::posterior::Posterior;
 use super::slot_queue::SettledSlot;
 use crate::core::settings::Target;
+use crate::core::settings::hyperparameters::adr;
 
 /// Number of scenarios in a full block.
 pub(crate) const BLOCK_SIZE: u32 = 32;
@@ -29,8 +30,8 @@ pub(crate) const MISSING_WARNING_SHARE: f64 = 0.10;
 /// Number of slots from which missing outcomes cause a warning.
 pub(crate) const MIN_SLOTS_FOR_WARNING: u32 = 8;
 
-/// Largest number of slots of a stored block. It is the maximum of the hyperparameter `buffer` of ADR.
-const MAX_STORED_SLOTS: u32 = 10_000;
+/// Largest number of slots of a stored block. Only blocks of ADR have a size that the settings select.
+const MAX_STORED_SLOTS: u32 = adr::BUFFER.range.max_whole();
 
 /// Settled slots of one level, up to the size of a block.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]

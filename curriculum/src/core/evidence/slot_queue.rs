@@ -32,7 +32,8 @@ struct QueuedSlot {
 }
 
 /// State of a slot in the queue.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "state", rename_all = "snake_case")]
 enum SlotState {
     /// The slot has no value yet.
     Open,
@@ -42,9 +43,19 @@ enum SlotState {
     Withdrawn,
 }
 
-/// Stored form of a slot: its proposal, group, lease and state.
+/// Stored form of a slot: its proposal, group, lease and state. Older snapshots have objects.
 #[derive(Clone, Copy, Serialize, Deserialize)]
-struct StoredSlot(u64, u32, u64, StoredSlotState);
+#[serde(untagged)]
+enum StoredSlot {
+    List(u64, u32, u64, StoredSlotState),
+    Object {
+        #[serde(flatten)]
+        key: SlotKey,
+        lease: u64,
+        #[serde(flatten)]
+        state: SlotState,
+    },
+}
 
 /// Stored form of a slot's state: `null` if it is open, `false` if it was withdrawn, else its value as `[low, high]`.
 #[derive(Clone, Copy, Serialize, Deserialize)]
@@ -169,13 +180,23 @@ impl SlotQueue {
 }
 
 impl From<StoredSlot> for QueuedSlot {
-    fn from(StoredSlot(proposal, group, lease, state): StoredSlot) -> Self {
-        let state = match state {
-            StoredSlotState::Open(()) => SlotState::Open,
-            StoredSlotState::Withdrawn(_) => SlotState::Withdrawn,
-            StoredSlotState::Resolved([low, high]) => SlotState::Resolved(SuccessInterval { low, high }),
-        };
-        Self { key: SlotKey { proposal, group }, lease, state }
+    fn from(stored: StoredSlot) -> Self {
+        match stored {
+            StoredSlot::List(proposal, group, lease, state) => {
+                Self { key: SlotKey { proposal, group }, lease, state: state.into() }
+            }
+            StoredSlot::Object { key, lease, state } => Self { key, lease, state },
+        }
+    }
+}
+
+impl From<StoredSlotState> for SlotState {
+    fn from(state: StoredSlotState) -> Self {
+        match state {
+            StoredSlotState::Open(()) => Self::Open,
+            StoredSlotState::Withdrawn(_) => Self::Withdrawn,
+            StoredSlotState::Resolved([low, high]) => Self::Resolved(SuccessInterval { low, high }),
+        }
     }
 }
 
@@ -186,7 +207,7 @@ impl From<QueuedSlot> for StoredSlot {
             SlotState::Withdrawn => StoredSlotState::Withdrawn(false),
             SlotState::Resolved(SuccessInterval { low, high }) => StoredSlotState::Resolved([low, high]),
         };
-        Self(key.proposal, key.group, lease, state)
+        Self::List(key.proposal, key.group, lease, state)
     }
 }
 
@@ -278,6 +299,10 @@ mod tests {
         queue.withdraw(key(3));
         let stored = serde_json::to_string(&queue).unwrap();
         assert_eq!(stored, "[[0,0,0,null],[1,0,1,null],[2,0,2,[0.25,0.5]],[3,0,3,false]]");
+        let objects = r#"[{"proposal":0,"group":0,"lease":0,"state":"open"},{"proposal":1,"group":0,"lease":1,"state":"open"},
+            {"proposal":2,"group":0,"lease":2,"state":"resolved","low":0.25,"high":0.5},
+            {"proposal":3,"group":0,"lease":3,"state":"withdrawn"}]"#;
+        assert_eq!(serde_json::from_str::<SlotQueue>(objects).unwrap(), queue, "an older snapshot is read");
         let mut restored: SlotQueue = serde_json::from_str(&stored).unwrap();
         assert_eq!(restored, queue);
         assert!(restored.resolve(key(0), SUCCESS) && restored.next_settled().is_some());

@@ -5,14 +5,16 @@ use env_core::KeyedRng;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use serde::{Deserialize, Serialize};
 
+use crate::core::settings::hyperparameters::alp_gmm::MAX_COMPONENTS;
+
 /// Largest number of EM steps.
 const MAX_EM_STEPS: usize = 100;
 /// Smallest gain of a step, as mean log-likelihood of a point, for EM to continue.
 const MIN_GAIN: f64 = 1e-4;
 /// Added to the diagonal of covariances, so that components on few points keep a volume.
 const COVARIANCE_FLOOR: f64 = 1e-5;
-/// Largest number of components in a stored range. It is the maximum of both hyperparameters.
-const MAX_STORED_COMPONENTS: u32 = 20;
+/// Largest number of components in a stored range.
+const MAX_STORED_COMPONENTS: u32 = MAX_COMPONENTS.range.max_whole();
 
 /// Component of a mixture. Its last dimension is the learning progress.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

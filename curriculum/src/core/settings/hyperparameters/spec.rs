@@ -42,6 +42,14 @@ pub enum ValueRange {
 }
 
 impl ValueRange {
+    /// Largest whole number that is accepted; 0 for other ranges.
+    pub(crate) const fn max_whole(self) -> u32 {
+        match self {
+            Self::Whole { max, .. } => max,
+            Self::Number { .. } | Self::Choice(_) => 0,
+        }
+    }
+
     /// Default as a number: a choice is its index.
     pub(crate) fn default(self) -> f64 {
         match self {
