@@ -4,7 +4,7 @@
 //! and, where there is one, that a parsed value has the documented form or survives being written and parsed again.
 //!
 //! - [`targets`] has one file for each group of parsers, and [`TARGETS`] lists all targets.
-//! - [`driver`] runs a target on mutated [`corpus`] inputs without coverage; `tests/mutations.rs` runs all of them.
+//! - [`driver`] runs a target on mutated [`corpus`] inputs without coverage; `tests/mutations/main.rs` runs all of them.
 //! - [`mutation`] has the mutations, which the system tests use as well.
 //!
 //! The folder `fuzz/` runs the same targets under libFuzzer. Start reading at [`Target`].

@@ -1,6 +1,6 @@
 //! All targets, one file for each group of parsers.
 //!
-//! A new parser gets a target in the file of its group, and its name in `tests/mutations.rs` and `fuzz/Cargo.toml`.
+//! A new parser gets a target in the file of its group, and its name in `tests/mutations/main.rs` and `fuzz/Cargo.toml`.
 
 mod command_line;
 mod curricula;

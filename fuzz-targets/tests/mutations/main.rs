@@ -1,5 +1,7 @@
 //! Every target on 100 000 mutated inputs. `SPARRING_FUZZ_INPUTS` sets another number, `SPARRING_FUZZ_SEED` draws other inputs.
 
+mod driver;
+
 use std::path::Path;
 
 use fuzz_targets::driver::{Plan, TIMEOUT, fuzz};
@@ -65,7 +67,7 @@ tests! {
 
 #[test]
 fn every_target_has_a_binary_for_libfuzzer() {
-    let manifest = include_str!("../../fuzz/Cargo.toml");
+    let manifest = include_str!("../../../fuzz/Cargo.toml");
     let binaries: Vec<&str> =
         manifest.split("[[bin]]\nname = \"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
     let targets: Vec<&str> = TARGETS.iter().map(|target| target.name).collect();
