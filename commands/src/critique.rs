@@ -16,7 +16,7 @@ use serde_json::{Value, json};
 use super::output::{Column, JsonFlag, Report, TextTable, print_json, print_report};
 use crate::files;
 use env_core::frames::{FrameContent, FrameRange, frames};
-use strict_input::{InputError, InputLimits};
+use strict_input::{InputError, InputLimits, ParsedInput};
 
 /// Explain why an episode lost score, and what each of its actions was worth.
 ///
@@ -126,10 +126,11 @@ fn write_frames(scenario: &Scenario, log: &ActionLog, path: &Path) -> anyhow::Re
 
 fn read(path: &Path) -> anyhow::Result<Value> {
     let text = files::read(path)?;
-    strict_input::parse_json(&text, InputLimits::FILE).map_err(|error| match error {
+    let parsed = strict_input::parse_json(&text, InputLimits::FILE).and_then(ParsedInput::finite);
+    parsed.map_err(|error| match error {
         InputError::Malformed(why) => anyhow!("{} is not JSON: {why}", path.display()),
         InputError::TooLarge(why) => anyhow!("{} is too large: {why}", path.display()),
-        InputError::DuplicateKey(fault) => anyhow!("{}: {fault}", path.display()),
+        InputError::Field(fault) => anyhow!("{}: {fault}", path.display()),
     })
 }
 

@@ -2,7 +2,7 @@
 
 use serde::de::Error as _;
 use serde_json::Value;
-use strict_input::{InputLimits, JsonContent, end_of_string};
+use strict_input::{InputLimits, JsonContent, non_finite_literals};
 
 /// Largest content of one text.
 pub const INPUT_LIMITS: InputLimits = InputLimits { values: 100_000, keys: 20_000 };
@@ -30,43 +30,13 @@ pub fn parse_python_json(text: &str) -> serde_json::Result<Value> {
 
 /// Returns the text with Python's extensions in quotes, or `None` if it contains none.
 fn quote_extensions(text: &str) -> Option<String> {
-    let bytes = text.as_bytes();
     let mut out = String::new();
-    let (mut copied, mut at) = (0, 0);
-    while at < bytes.len() {
-        if bytes[at] == b'"' {
-            at = end_of_string(bytes, at);
-        } else if is_token_byte(bytes[at]) {
-            let start = at;
-            while at < bytes.len() && is_token_byte(bytes[at]) {
-                at += 1;
-            }
-            if is_extension(&text[start..at]) {
-                out.push_str(&text[copied..start]);
-                out.extend(["\"", &text[start..at], "\""]);
-                copied = at;
-            }
-        } else {
-            at += 1;
-        }
+    let mut copied = 0;
+    for literal in non_finite_literals(text.as_bytes()) {
+        out.push_str(&text[copied..literal.range.start]);
+        out.extend(["\"", &literal.text, "\""]);
+        copied = literal.range.end;
     }
     out.push_str(&text[copied..]);
     (copied > 0).then_some(out)
-}
-
-const fn is_token_byte(byte: u8) -> bool {
-    byte.is_ascii_alphanumeric() || matches!(byte, b'+' | b'-' | b'.')
-}
-
-/// True if Python reads the token as a number and JSON does not.
-fn is_extension(token: &str) -> bool {
-    let digits = token.strip_prefix('-').unwrap_or(token);
-    match digits {
-        "NaN" => digits == token,
-        "Infinity" => true,
-        _ => {
-            digits.starts_with(|c: char| c.is_ascii_digit())
-                && token.parse::<f64>().is_ok_and(|v| v.is_infinite())
-        }
-    }
 }

@@ -28,9 +28,9 @@ impl FieldError {
         Self { field: shorten(field, MAX_QUOTED_CHARS), reason: "is given twice; send it once".to_owned() }
     }
 
-    /// Error of a number that is NaN or infinite.
-    pub(super) fn not_finite(number: f64) -> Self {
-        Self::new(format!("must be a finite number, got {}", format_shortest(number)))
+    /// Error of a number that is NaN, infinite or beyond the range of a double.
+    pub(super) fn not_finite(number: &str) -> Self {
+        Self::new(format!("must be a finite number, got {}", shorten(number, MAX_QUOTED_CHARS)))
     }
 
     /// Error of an unknown key; `known` lists the known ones.

@@ -41,15 +41,15 @@ pub enum InputError {
     Malformed(String),
     /// The input has more values or keys than its limits; a clause that says how many it may have.
     TooLarge(String),
-    /// An object has the same key twice.
-    DuplicateKey(FieldError),
+    /// An object has the same key twice, or a number is not finite.
+    Field(FieldError),
 }
 
 impl fmt::Display for InputError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Malformed(message) | Self::TooLarge(message) => f.write_str(message),
-            Self::DuplicateKey(error) => error.fmt(f),
+            Self::Field(error) => error.fmt(f),
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Counts the values and keys of JSON text before a parser allocates memory for them.
 
 use super::input_error::{ContentKind, InputError, InputLimits};
+use super::json_tokens::{JsonToken, JsonTokens};
 
 /// Content of a JSON text. It is exact for valid JSON; invalid text is left to the parser.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
@@ -14,27 +15,24 @@ impl JsonContent {
     /// Counts the content of a text in one pass, without memory.
     #[must_use]
     pub fn count(text: &[u8]) -> Self {
-        let (mut content, mut at) = (Self::default(), 0);
-        while at < text.len() {
-            let start = at;
-            at += 1;
-            match text[start] {
-                b'"' => {
-                    content.tokens += 1;
-                    at = end_of_string(text, start);
-                }
-                b'{' | b'[' => content.tokens += 1,
-                b':' => content.keys += 1,
-                byte if is_literal(byte) => {
-                    content.tokens += 1;
-                    while text.get(at).is_some_and(|byte| is_literal(*byte)) {
-                        at += 1;
-                    }
-                }
-                _ => {}
-            }
+        let mut content = Self::default();
+        for token in JsonTokens::new(text) {
+            content.add(&token);
         }
         content
+    }
+
+    /// Counts one more token.
+    pub(super) const fn add(&mut self, token: &JsonToken) {
+        match token {
+            JsonToken::Colon => self.keys += 1,
+            JsonToken::Container | JsonToken::Text | JsonToken::Literal(_) => self.tokens += 1,
+        }
+    }
+
+    /// Returns the number of values. Within a text, that of the values so far if the last token is no key.
+    pub(super) const fn values(self) -> usize {
+        self.tokens.saturating_sub(self.keys)
     }
 
     /// Checks the content of a text against limits. Only a text that is long enough to exceed one is read.
@@ -55,24 +53,8 @@ impl JsonContent {
         if self.keys > limits.keys {
             return Err(limits.error(ContentKind::Keys));
         }
-        let values = self.tokens.saturating_sub(self.keys);
-        if values > limits.values { Err(limits.error(ContentKind::Values)) } else { Ok(()) }
+        if self.values() > limits.values { Err(limits.error(ContentKind::Values)) } else { Ok(()) }
     }
-}
-
-/// Returns the offset after the JSON string that begins at `quote`, or the end of the text if it is unterminated.
-#[must_use]
-pub fn end_of_string(text: &[u8], quote: usize) -> usize {
-    let mut at = quote + 1;
-    while at < text.len() && text[at] != b'"' {
-        at += if text[at] == b'\\' { 2 } else { 1 };
-    }
-    text.len().min(at + 1)
-}
-
-/// Returns true for the bytes of numbers, `true`, `false` and `null`.
-const fn is_literal(byte: u8) -> bool {
-    byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'+' | b'.')
 }
 
 #[cfg(test)]

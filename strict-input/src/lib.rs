@@ -10,6 +10,8 @@
 mod field_error;
 mod input_error;
 mod json_content;
+mod json_tokens;
+mod non_finite;
 mod strict_value;
 #[cfg(test)]
 mod tests;
@@ -20,8 +22,9 @@ use serde_json::{Map, Value};
 
 pub use self::field_error::{FieldError, KNOWN_FIELDS};
 pub use self::input_error::{InputError, InputLimits};
-pub use self::json_content::{JsonContent, end_of_string};
-pub use self::strict_value::{MessagePackValue, from_messagepack, parse_json, parse_messagepack};
+pub use self::json_content::JsonContent;
+pub use self::non_finite::{BlankedText, NonFiniteLiteral, non_finite_literals};
+pub use self::strict_value::{ParsedInput, from_messagepack, parse_json, parse_messagepack};
 use self::value_deserializer::ValueDeserializer;
 
 /// Deserializes a JSON value as `T`.

@@ -4,60 +4,89 @@ use std::cell::{Cell, RefCell};
 use std::fmt;
 use std::io::Cursor;
 
+use env_core::format_shortest;
 use serde::de::{self, DeserializeOwned, DeserializeSeed, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Number, Value, map::Entry};
 
 use super::FieldError;
 use super::input_error::{ContentKind, InputError, InputLimits};
 use super::json_content::JsonContent;
+use super::non_finite::{BlankedText, NonFiniteLiteral};
 
 /// Maximum nesting of MessagePack; serde_json has the same bound for JSON.
 const MAX_DEPTH: usize = 128;
-/// Maximum number of fields that [`MessagePackValue::non_finite`] lists.
+/// Maximum number of fields that [`ParsedInput::non_finite`] lists.
 const MAX_NON_FINITE: usize = 10_000;
 
-/// Parses JSON.
+/// Parses JSON. A number beyond the range of a double, such as `1e999`, and the words `NaN`, `Infinity` and `-Infinity` are
+/// listed as numbers that are not finite.
 ///
 /// # Errors
-/// Returns [`InputError::Malformed`] if the bytes are not one JSON value, [`InputError::TooLarge`] if they exceed `limits`, and
-/// [`InputError::DuplicateKey`] if an object has a key twice.
-pub fn parse_json(bytes: &[u8], limits: InputLimits) -> Result<Value, InputError> {
+/// Returns [`InputError::Malformed`] if the bytes are not one JSON value or have more than 10 000 numbers that are not finite,
+/// [`InputError::TooLarge`] if they exceed `limits`, and [`InputError::Field`] if an object has a key twice.
+pub fn parse_json(bytes: &[u8], limits: InputLimits) -> Result<ParsedInput, InputError> {
     if bytes.iter().all(u8::is_ascii_whitespace) {
         return Err(InputError::Malformed("it is empty".to_owned()));
     }
     JsonContent::check_text(bytes, limits)?;
-    let mut reader = serde_json::Deserializer::from_slice(bytes);
-    let state = ParserState::new(limits);
-    let parsed =
-        StrictValueSeed(&state).deserialize(&mut reader).and_then(|value| reader.end().map(|()| value));
-    parsed.map_err(|error| state.into_error(&error))
+    let error = match parse_json_text(bytes, limits, Vec::new()) {
+        Err(InputError::Malformed(error)) => error,
+        outcome => return outcome,
+    };
+    // serde_json rejects the whole text for such a number and does not name its field.
+    let Some(BlankedText { text, literals }) = BlankedText::new(bytes, MAX_NON_FINITE) else {
+        return Err(InputError::Malformed(error));
+    };
+    let count = literals.len();
+    let parsed = parse_json_text(&text, limits, literals)?;
+    // The rest is in place of a key.
+    if parsed.non_finite.len() == count { Ok(parsed) } else { Err(InputError::Malformed(error)) }
 }
 
-/// MessagePack as a JSON value.
+/// Parses a text in which empty strings stand for `literals`.
+fn parse_json_text(
+    text: &[u8],
+    limits: InputLimits,
+    literals: Vec<NonFiniteLiteral>,
+) -> Result<ParsedInput, InputError> {
+    let mut reader = serde_json::Deserializer::from_slice(text);
+    let state = ParserState::new(limits, literals);
+    let parsed = StrictValueSeed(&state).deserialize(&mut reader);
+    let parsed = parsed.and_then(|value| reader.end().map(|()| value));
+    state.into_result(parsed)
+}
+
+/// Input as a JSON value.
 #[derive(Debug, PartialEq)]
-pub struct MessagePackValue {
+pub struct ParsedInput {
     /// The value, with null in place of each number that is not finite.
     pub value: Value,
     /// Errors of the numbers that are not finite, in their order.
     pub non_finite: Vec<FieldError>,
 }
 
+impl ParsedInput {
+    /// Returns the value of an input whose numbers are all finite.
+    ///
+    /// # Errors
+    /// Returns [`InputError::Field`] for the first number that is not finite.
+    pub fn finite(self) -> Result<Value, InputError> {
+        self.non_finite.into_iter().next().map_or(Ok(self.value), |error| Err(InputError::Field(error)))
+    }
+}
+
 /// Parses MessagePack.
 ///
 /// # Errors
 /// Returns [`InputError::Malformed`] if the bytes are not one MessagePack value, nest too deeply or have more than 10 000
-/// numbers that are not finite, [`InputError::TooLarge`] if they exceed `limits`, and [`InputError::DuplicateKey`] if a map has a
-/// key twice.
-pub fn parse_messagepack(bytes: &[u8], limits: InputLimits) -> Result<MessagePackValue, InputError> {
+/// numbers that are not finite, [`InputError::TooLarge`] if they exceed `limits`, and [`InputError::Field`] if a map has a key
+/// twice.
+pub fn parse_messagepack(bytes: &[u8], limits: InputLimits) -> Result<ParsedInput, InputError> {
     let mut reader = messagepack_reader(bytes);
-    let state = ParserState::new(limits);
-    let parsed = StrictValueSeed(&state)
-        .deserialize(&mut reader)
-        .and_then(|value| check_end(&reader, bytes).map(|()| value));
-    match parsed {
-        Ok(value) => Ok(MessagePackValue { value, non_finite: state.non_finite.into_inner() }),
-        Err(error) => Err(state.into_error(&error)),
-    }
+    let state = ParserState::new(limits, Vec::new());
+    let parsed = StrictValueSeed(&state).deserialize(&mut reader);
+    let parsed = parsed.and_then(|value| check_end(&reader, bytes).map(|()| value));
+    state.into_result(parsed)
 }
 
 /// Deserializes MessagePack as `T` without an intermediate value.
@@ -98,15 +127,18 @@ struct ParserState {
     duplicate: RefCell<Option<FieldError>>,
     /// Limit that the input exceeds.
     exceeded: Cell<Option<ContentKind>>,
+    /// Numbers for which empty strings stand in the text, in their order.
+    literals: Vec<NonFiniteLiteral>,
     non_finite: RefCell<Vec<FieldError>>,
     /// Length of `non_finite`, which is read for every value.
     non_finite_count: Cell<usize>,
 }
 
 impl ParserState {
-    fn new(limits: InputLimits) -> Self {
+    fn new(limits: InputLimits, literals: Vec<NonFiniteLiteral>) -> Self {
         Self {
             limits,
+            literals,
             values: Cell::new(0),
             keys: Cell::new(0),
             duplicate: RefCell::default(),
@@ -116,13 +148,25 @@ impl ParserState {
         }
     }
 
-    /// Returns the reason why parsing failed with `error`.
-    fn into_error(self, error: &impl fmt::Display) -> InputError {
-        match (self.duplicate.into_inner(), self.exceeded.get()) {
-            (Some(field), _) => InputError::DuplicateKey(field),
-            (None, Some(kind)) => self.limits.error(kind),
-            (None, None) => InputError::Malformed(error.to_string()),
+    /// Returns the parsed input, or the reason why parsing failed.
+    fn into_result(self, parsed: Result<Value, impl fmt::Display>) -> Result<ParsedInput, InputError> {
+        match (parsed, self.duplicate.into_inner(), self.exceeded.get()) {
+            (Ok(value), ..) => Ok(ParsedInput { value, non_finite: self.non_finite.into_inner() }),
+            (Err(_), Some(field), _) => Err(InputError::Field(field)),
+            (Err(_), None, Some(kind)) => Err(self.limits.error(kind)),
+            (Err(error), None, None) => Err(InputError::Malformed(error.to_string())),
         }
+    }
+
+    /// Stores the error of a number that is not finite, and returns null in place of the number.
+    fn reject_non_finite<E: de::Error>(&self, number: &str) -> Result<Value, E> {
+        let mut non_finite = self.non_finite.borrow_mut();
+        if non_finite.len() == MAX_NON_FINITE {
+            return Err(E::custom(format!("it has more than {MAX_NON_FINITE} numbers that are not finite")));
+        }
+        non_finite.push(FieldError::not_finite(number));
+        self.non_finite_count.set(non_finite.len());
+        Ok(Value::Null)
     }
 
     /// Counts one value or key.
@@ -189,20 +233,18 @@ impl<'de> Visitor<'de> for StrictValueSeed<'_> {
     }
 
     fn visit_f64<E: de::Error>(self, value: f64) -> Result<Value, E> {
-        if let Some(number) = Number::from_f64(value) {
-            return Ok(Value::Number(number));
+        match Number::from_f64(value) {
+            Some(number) => Ok(Value::Number(number)),
+            None => self.0.reject_non_finite(&format_shortest(value)),
         }
-        let mut non_finite = self.0.non_finite.borrow_mut();
-        if non_finite.len() == MAX_NON_FINITE {
-            return Err(E::custom(format!("it has more than {MAX_NON_FINITE} numbers that are not finite")));
-        }
-        non_finite.push(FieldError::not_finite(value));
-        self.0.non_finite_count.set(non_finite.len());
-        Ok(Value::Null)
     }
 
-    fn visit_str<E>(self, value: &str) -> Result<Value, E> {
-        Ok(Value::String(value.to_owned()))
+    fn visit_str<E: de::Error>(self, value: &str) -> Result<Value, E> {
+        let next = self.0.literals.get(self.0.non_finite_count.get());
+        match next.filter(|literal| literal.value == self.0.values.get()) {
+            Some(literal) => self.0.reject_non_finite(&literal.text),
+            None => Ok(Value::String(value.to_owned())),
+        }
     }
 
     fn visit_string<E>(self, value: String) -> Result<Value, E> {

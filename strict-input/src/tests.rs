@@ -36,7 +36,7 @@ enum Kind {
 }
 
 fn outcome(text: &str) -> String {
-    match parse_json(text.as_bytes(), InputLimits::FILE) {
+    match parse_json(text.as_bytes(), InputLimits::FILE).and_then(ParsedInput::finite) {
         Err(error) => error.to_string(),
         Ok(value) => match from_value::<Request>(value) {
             Err(error) => error.to_string(),
@@ -76,6 +76,14 @@ fn errors_name_the_field_in_plain_words() {
         r#"{"by_name": {"a": {"wanted": 1, "more": 2}}}"#,
         r#"{"count": 1, "count": 2}"#,
         r#"{"any": [0, {"x": {"y": 1, "z": 2, "y": 3}}]}"#,
+        r#"{"share": 1e999}"#,
+        r#"{"share": NaN}"#,
+        r#"{"any": [0, {"x": ["", -Infinity, ""]}]}"#,
+        "Infinity",
+        r#"{"share": NaN, "count": }"#,
+        r#"{NaN: 1}"#,
+        r#"{"share": -NaN}"#,
+        r#"{"share": 01e999}"#,
     ]
     .map(|text| format!("{text}\n    {}", outcome(text)));
     insta::assert_snapshot!(outcomes.join("\n"));
@@ -85,7 +93,7 @@ fn errors_name_the_field_in_plain_words() {
 fn valid_input_is_read_to_the_bit() {
     let text = r#"{"count": 7, "share": 0.1, "name": "é", "kind": "strange", "deep": [{"wanted": -3}],
         "by_name": {"a": {"wanted": 1}}, "any": {"x": [1, 2.5e-308, null, "s", true, 18446744073709551615]}, "flag": true}"#;
-    let strict = parse_json(text.as_bytes(), InputLimits::FILE).unwrap();
+    let strict = parse_json(text.as_bytes(), InputLimits::FILE).and_then(ParsedInput::finite).unwrap();
     assert_eq!(strict, serde_json::from_str::<Value>(text).unwrap());
     assert_eq!(from_value::<Request>(strict).unwrap(), serde_json::from_str::<Request>(text).unwrap());
     assert_eq!(from_value::<Request>(json!({})).unwrap(), Request::default());
@@ -139,7 +147,7 @@ mod packed {
 
     use super::any_json;
 
-    use crate::{InputError, InputLimits, parse_json, parse_messagepack};
+    use crate::{InputError, InputLimits, ParsedInput, parse_json, parse_messagepack};
 
     const LIMITS: InputLimits = InputLimits::FILE;
 
@@ -150,7 +158,8 @@ mod packed {
             let parsed = parse_messagepack(&bytes, LIMITS).unwrap();
             prop_assert!(parsed.non_finite.is_empty());
             prop_assert_eq!(parsed.value, body.clone());
-            prop_assert_eq!(parse_json(body.to_string().as_bytes(), LIMITS).unwrap(), body);
+            let parsed = parse_json(body.to_string().as_bytes(), LIMITS).unwrap();
+            prop_assert_eq!(parsed, ParsedInput { value: body, non_finite: Vec::new() });
         }
 
         #[test]
@@ -168,8 +177,8 @@ mod packed {
         for bytes in [too_deep, trailing, overstated_length, vec![0xc4, 1, 0], vec![0x81, 1, 2]] {
             assert!(matches!(parse_messagepack(&bytes, LIMITS), Err(InputError::Malformed(_))));
         }
-        assert!(matches!(parse_messagepack(&duplicate_key, LIMITS), Err(InputError::DuplicateKey(_))));
-        assert_eq!(parse_json(b"[[1]]", LIMITS).unwrap(), json!([[1]]));
+        assert!(matches!(parse_messagepack(&duplicate_key, LIMITS), Err(InputError::Field(_))));
+        assert_eq!(parse_json(b"[[1]]", LIMITS).unwrap().value, json!([[1]]));
     }
 
     #[test]
@@ -188,7 +197,6 @@ mod packed {
         assert_eq!(keys, Err("it has more than 3 keys; send less at a time".to_owned()));
     }
 
-    /// JSON has no such numbers, so that the field must be named by the reader of MessagePack.
     #[test]
     fn numbers_that_are_not_finite_are_listed_by_field() {
         let body = std::collections::BTreeMap::from([
@@ -196,13 +204,42 @@ mod packed {
             ("b", vec![2.0]),
             ("c", vec![f64::NEG_INFINITY, f64::INFINITY]),
         ]);
-        let parsed = parse_messagepack(&rmp_serde::to_vec(&body).unwrap(), LIMITS).unwrap();
-        assert_eq!(parsed.value, json!({"a": [1.0, null], "b": [2.0], "c": [null, null]}));
-        let errors: Vec<String> = parsed.non_finite.iter().map(ToString::to_string).collect();
-        let expected = ["a.1: must be a finite number, got NaN", "c.0: must be a finite number, got -inf"];
-        assert_eq!(errors[..2], expected);
-        assert_eq!(errors[2], "c.1: must be a finite number, got inf");
-        let many = rmp_serde::to_vec(&vec![f64::NAN; 10_001]).unwrap();
-        assert!(matches!(parse_messagepack(&many, LIMITS), Err(InputError::Malformed(_))));
+        let packed = parse_messagepack(&rmp_serde::to_vec(&body).unwrap(), LIMITS).unwrap();
+        let text = br#"{"a": [1.0, NaN], "b": [2.0], "c": [-1e999, Infinity]}"#;
+        let json = parse_json(text, LIMITS).unwrap();
+        for (parsed, infinities) in [(packed, ["-inf", "inf"]), (json, ["-1e999", "Infinity"])] {
+            assert_eq!(parsed.value, json!({"a": [1.0, null], "b": [2.0], "c": [null, null]}));
+            let errors: Vec<String> = parsed.non_finite.iter().map(ToString::to_string).collect();
+            let expected = [("a.1", "NaN"), ("c.0", infinities[0]), ("c.1", infinities[1])]
+                .map(|(field, number)| format!("{field}: must be a finite number, got {number}"));
+            assert_eq!(errors, expected);
+        }
+    }
+
+    #[test]
+    fn number_of_non_finite_numbers_is_bounded() {
+        let list = |count: usize| {
+            let packed = parse_messagepack(&rmp_serde::to_vec(&vec![f64::NAN; count]).unwrap(), LIMITS);
+            let text = format!("[{}NaN]", "NaN,".repeat(count - 1));
+            [packed, parse_json(text.as_bytes(), LIMITS)]
+        };
+        for parsed in list(10_000) {
+            assert_eq!(parsed.unwrap().non_finite.len(), 10_000);
+        }
+        for parsed in list(10_001) {
+            assert!(matches!(parsed, Err(InputError::Malformed(_))), "{parsed:?}");
+        }
+    }
+
+    proptest! {
+        /// A number that is not finite changes nothing but its own place.
+        #[test]
+        fn rest_of_a_text_with_nan_is_read(before in any_json(), after in any_json()) {
+            let text = format!(r#"{{"before": {before}, "": NaN, "after": [{after}, 1e999]}}"#);
+            let parsed = parse_json(text.as_bytes(), LIMITS).unwrap();
+            prop_assert_eq!(parsed.value, json!({"before": before, "": null, "after": [after, null]}));
+            let fields: Vec<&str> = parsed.non_finite.iter().map(|error| &*error.field).collect();
+            prop_assert_eq!(fields, ["", "after.1"]);
+        }
     }
 }

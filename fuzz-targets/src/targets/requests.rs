@@ -12,7 +12,7 @@ use orchestrator::http::fuzzing::{
 };
 use orchestrator::sessions::vector::frame::{FRAME_VERSION, FrameCommand, FrameKind, FrameLayout, MAGIC};
 use serde_json::{Value, json};
-use strict_input::{InputLimits, parse_json};
+use strict_input::{InputLimits, ParsedInput, parse_json};
 
 use crate::target::{Target, json_seeds, seeds_of, with_json, with_text};
 
@@ -68,7 +68,8 @@ fn columns_json(bytes: &[u8]) -> bool {
     match columns(BodyFormat::Json, bytes) {
         Ok(columns) => {
             let limits = InputLimits { values: 1_000_000, keys: 1000 };
-            let value = parse_json(bytes, limits).expect("the strict parser accepts columns");
+            let parsed = parse_json(bytes, limits).and_then(ParsedInput::finite);
+            let value = parsed.expect("the strict parser accepts columns");
             assert!(value.is_object(), "columns are an object");
             let scores = value["score"].as_array().map_or(0, Vec::len);
             assert_eq!(columns.scores.len(), scores);
@@ -265,6 +266,7 @@ fn body_seeds() -> Vec<Vec<u8>> {
         flagged(1, &packed),
         flagged(2, b"\xef\xbb\xbf[1]"),
         flagged(4, &gzip(json)),
+        flagged(4, &[gzip(&json[..9]), gzip(&json[9..])].concat()),
         flagged(5, &gzip(&packed)),
     ]
 }

@@ -7,14 +7,13 @@ use axum::http::{HeaderMap, StatusCode, header};
 use env_core::text::shorten;
 use serde::de::DeserializeOwned;
 
-use super::problem::Problem;
+use super::content_encoding::check_decoded;
+use super::problem::{MAX_REPEATED_CHARS, Problem};
 use crate::limits::constants::{
     BODY_TIMEOUT, BULK_INPUT_LIMITS, MAX_BODY_BYTES, MAX_ORDINARY_BODY_BYTES, ORDINARY_INPUT_LIMITS,
 };
-use strict_input::{FieldError, InputError, InputLimits, MessagePackValue};
+use strict_input::{FieldError, InputError, InputLimits, ParsedInput};
 
-/// Longest text of a client that an error repeats, in characters.
-pub(super) const MAX_REPEATED_CHARS: usize = 300;
 /// Mark that some programs write before UTF-8 text.
 pub(super) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
@@ -90,18 +89,12 @@ pub(super) struct EncodedBody {
     pub(super) class: BodyClass,
 }
 
-/// Body as a value, with the errors of its numbers that are not finite. These are null in the value.
-pub(super) struct ParsedBody {
-    pub(super) value: serde_json::Value,
-    pub(super) non_finite: Vec<FieldError>,
-}
-
 impl<S: Send + Sync> FromRequest<S> for EncodedBody {
     type Rejection = Problem;
 
     async fn from_request(request: Request, _: &S) -> Result<Self, Problem> {
         let format = BodyFormat::from_request(&request)?;
-        check_encoding(request.headers()).map_err(|detail| {
+        check_decoded(request.headers()).map_err(|detail| {
             Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "encoded_body", detail).at("Content-Encoding")
         })?;
         let class = request.extensions().get().copied().unwrap_or(BodyClass::Ordinary);
@@ -122,16 +115,14 @@ impl<S: Send + Sync> FromRequest<S> for EncodedBody {
 
 impl EncodedBody {
     /// Parses the body within the limits of its class.
-    pub(super) fn parse(self) -> Result<ParsedBody, Problem> {
+    pub(super) fn parse(self) -> Result<ParsedInput, Problem> {
         let Self { format, bytes, class } = self;
         let parsed = match format {
-            BodyFormat::Json => strict_input::parse_json(&bytes, class.input_limits())
-                .map(|value| ParsedBody { value, non_finite: Vec::new() }),
-            BodyFormat::MessagePack => strict_input::parse_messagepack(&bytes, class.input_limits())
-                .map(|MessagePackValue { value, non_finite }| ParsedBody { value, non_finite }),
+            BodyFormat::Json => strict_input::parse_json(&bytes, class.input_limits()),
+            BodyFormat::MessagePack => strict_input::parse_messagepack(&bytes, class.input_limits()),
         };
         parsed.map_err(|error| match error {
-            InputError::DuplicateKey(error) => invalid(error),
+            InputError::Field(error) => invalid(error),
             InputError::Malformed(reason) => Problem::malformed(format, &reason),
             InputError::TooLarge(reason) => Problem::too_large(format!("The body is too large: {reason}.")),
         })
@@ -152,23 +143,6 @@ fn without_byte_order_mark(bytes: axum::body::Bytes, format: BodyFormat) -> axum
     }
 }
 
-/// Rejects a body in an encoding that the server does not decode, which would otherwise fail as JSON that cannot be parsed. A
-/// middleware has decoded gzip before.
-///
-/// # Errors
-/// Returns the sentence for the client.
-pub(super) fn check_encoding(headers: &HeaderMap) -> Result<(), String> {
-    let encoding =
-        headers.get(header::CONTENT_ENCODING).map(|value| String::from_utf8_lossy(value.as_bytes()));
-    match encoding.filter(|encoding| !encoding.eq_ignore_ascii_case("identity")) {
-        None => Ok(()),
-        Some(encoding) => {
-            let encoding = shorten(&encoding, MAX_REPEATED_CHARS);
-            Err(format!("The body has the encoding {encoding}; send it as gzip or without an encoding."))
-        }
-    }
-}
-
 /// Extractor of a JSON or MessagePack body.
 pub(super) struct Json<T>(pub(super) T);
 
@@ -183,7 +157,7 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Json<T> {
 impl<T: DeserializeOwned> Json<T> {
     /// Parses a body that was received.
     fn parse(body: EncodedBody) -> Result<Self, Problem> {
-        let ParsedBody { value, non_finite } = body.parse()?;
+        let ParsedInput { value, non_finite } = body.parse()?;
         match non_finite.into_iter().next() {
             Some(error) => Err(invalid(error)),
             None => parse_value(value).map(Self),
@@ -284,24 +258,5 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Query<T> {
             bad("The query must have the form name=value&name=value, percent-encoded.").at("query")
         })?;
         strict_input::from_query_pairs(pairs).map(Self).map_err(|error| bad(&error.reason).at(error.field))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn unknown_encodings_are_rejected() {
-        let check = |encoding: &'static str| {
-            check_encoding(&HeaderMap::from_iter([(
-                header::CONTENT_ENCODING,
-                encoding.parse().expect("a value"),
-            )]))
-        };
-        assert_eq!(check_encoding(&HeaderMap::new()), Ok(()));
-        assert_eq!(check("identity"), Ok(()));
-        let sentence = "The body has the encoding br; send it as gzip or without an encoding.";
-        assert_eq!(check("br"), Err(sentence.to_owned()));
     }
 }

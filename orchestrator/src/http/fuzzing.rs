@@ -4,6 +4,7 @@
 use axum::Router;
 use axum::body::{Body, Bytes};
 use axum::http::{Request, header};
+use axum::middleware::from_fn;
 use axum::response::IntoResponse;
 use axum::routing::post;
 use hyper::service::Service;
@@ -11,8 +12,9 @@ use hyper_util::service::TowerToHyperService;
 use serde_json::Value;
 use store::events::EventKind;
 
+use super::content_encoding;
 pub use super::extract::BodyFormat;
-use super::extract::{BodyClass, EncodedBody, ParsedBody};
+use super::extract::{BodyClass, EncodedBody};
 use super::openenv::fields::{FieldReader, read_session_request};
 use super::openenv::mcp::rpc::RpcRequest;
 use super::paging::PageCursor;
@@ -137,10 +139,9 @@ pub fn time(text: &str) -> Result<i64, Rejection> {
 /// Returns the status of the error response.
 pub async fn receive(content_type: &str, is_gzip: bool, bytes: &[u8]) -> Result<(), u16> {
     async fn parse(body: EncodedBody) -> Result<(), Problem> {
-        let ParsedBody { .. } = body.parse()?;
-        Ok(())
+        body.parse().map(|_| ())
     }
-    let router = Router::new().route("/", post(parse)).layer(super::decompression());
+    let router = Router::new().route("/", post(parse)).layer(from_fn(content_encoding::decompress));
     let mut request = Request::post("/").header(header::CONTENT_TYPE, content_type);
     if is_gzip {
         request = request.header(header::CONTENT_ENCODING, "gzip");

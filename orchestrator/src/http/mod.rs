@@ -8,6 +8,7 @@
 mod access;
 mod blocking;
 mod connections;
+mod content_encoding;
 mod content_negotiation;
 mod counted_stream;
 mod dashboard;
@@ -43,7 +44,6 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use store::Outage;
 use tower_http::catch_panic::CatchPanicLayer;
-use tower_http::decompression::RequestDecompressionLayer;
 use tower_http::request_id::{MakeRequestUuid, PropagateRequestIdLayer, SetRequestIdLayer};
 use tower_http::trace::TraceLayer;
 use utoipa::OpenApi;
@@ -138,7 +138,7 @@ pub fn router(app: AppState, access_control: Arc<AccessControl>, surface: ApiSur
         .merge(SwaggerUi::new("/docs").url("/openapi.json", document))
         .fallback(no_such_route)
         .method_not_allowed_fallback(no_such_method)
-        .layer(decompression())
+        .layer(axum::middleware::from_fn(content_encoding::decompress))
         .layer(CatchPanicLayer::custom(panicked))
         .layer(axum::middleware::from_fn_with_state(access_control, access::middleware::authorize))
         .layer(axum::middleware::from_fn_with_state(app.writer.clone(), report_outage))
@@ -156,11 +156,6 @@ pub fn router(app: AppState, access_control: Arc<AccessControl>, surface: ApiSur
         .fallback_service(routes)
         .layer(axum::middleware::from_fn(request_head::remove_trailing_slash))
         .layer(axum::middleware::from_fn_with_state(clock, date_header::set_date))
-}
-
-/// Returns the layer that decompresses request bodies. Their size is limited after it.
-fn decompression() -> RequestDecompressionLayer {
-    RequestDecompressionLayer::new().gzip(true).pass_through_unaccepted(true)
 }
 
 /// Applies the request timeout, and closes the connection of a request whose body is not read to its end.

@@ -8,9 +8,10 @@ use serde::Deserialize;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{self, DeserializeOwned, IgnoredAny, MapAccess, SeqAccess, Visitor};
 
-use super::extract::{BodyFormat, MAX_REPEATED_CHARS};
-use super::problem::Problem;
+use super::extract::BodyFormat;
+use super::problem::{MAX_REPEATED_CHARS, Problem};
 use crate::leases::columns::MAX_COLUMN_GROUPS;
+use strict_input::BlankedText;
 
 /// Column with one number for each episode.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,7 +37,7 @@ pub(super) trait ColumnEntry: Sized {
 
 impl ColumnEntry for f32 {
     const BYTES: usize = 4;
-    const EXPECTED: &'static str = "a number";
+    const EXPECTED: &'static str = "a finite number";
     #[expect(clippy::cast_possible_truncation, reason = "columns are in single precision")]
     fn from_number(number: f64) -> Option<Self> {
         let single = number as Self;
@@ -221,15 +222,16 @@ impl<'de, T: Deserialize<'de>> Deserialize<'de> for StrictObject<T> {
 
 /// Parses an object with columns. Errors name the field, and the entry if one is wrong.
 pub(super) fn parse_columns<T: DeserializeOwned>(format: BodyFormat, body: &[u8]) -> Result<T, Problem> {
-    let (message, is_malformed) = match format {
-        BodyFormat::Json => match serde_json::from_slice::<StrictObject<T>>(body) {
-            Ok(StrictObject(value)) => return Ok(value),
-            Err(error) => (error.to_string(), serde_json::from_slice::<IgnoredAny>(body).is_err()),
-        },
-        BodyFormat::MessagePack => match strict_input::from_messagepack::<StrictObject<T>>(body) {
-            Ok(StrictObject(value)) => return Ok(value),
-            Err(error) => (error.to_string(), strict_input::from_messagepack::<IgnoredAny>(body).is_err()),
-        },
+    let parsed = match format {
+        BodyFormat::Json => parse_json_columns(body),
+        BodyFormat::MessagePack => strict_input::from_messagepack(body).map_err(|error| InvalidColumns {
+            message: error.to_string(),
+            is_malformed: strict_input::from_messagepack::<IgnoredAny>(body).is_err(),
+        }),
+    };
+    let InvalidColumns { message, is_malformed } = match parsed {
+        Ok(StrictObject(value)) => return Ok(value),
+        Err(invalid) => invalid,
     };
     // serde_json appends the line and column of the text, which does not help a client that sends numbers.
     let reason = message.split(" at line ").next().unwrap_or_default();
@@ -240,6 +242,28 @@ pub(super) fn parse_columns<T: DeserializeOwned>(format: BodyFormat, body: &[u8]
         Some((field, reason)) => Err(Problem::invalid(field, column_reason(reason))),
         None => Err(key_problem(reason)),
     }
+}
+
+/// Reason why bytes are not columns.
+struct InvalidColumns {
+    /// The parser's message, in which the field comes before [`PATH_SEPARATOR`].
+    message: String,
+    /// True if the bytes are not in their format.
+    is_malformed: bool,
+}
+
+/// Parses columns in JSON. A number that is not finite, which JSON does not have, is an error of its entry.
+fn parse_json_columns<T: DeserializeOwned>(text: &[u8]) -> Result<StrictObject<T>, InvalidColumns> {
+    let parse = |text: &[u8]| {
+        serde_json::from_slice(text).map_err(|error| InvalidColumns {
+            message: error.to_string(),
+            is_malformed: serde_json::from_slice::<IgnoredAny>(text).is_err(),
+        })
+    };
+    parse(text).map_err(|invalid| {
+        let blanked = BlankedText::new(text, MAX_COLUMN_GROUPS as usize);
+        blanked.and_then(|blanked| parse(&blanked.text).err()).unwrap_or(invalid)
+    })
 }
 
 /// Replaces serde's message about a value that is not a column.
@@ -329,7 +353,13 @@ mod tests {
             message(BodyFormat::Json, br#"{"score": [1, 2], "steps": [1, 2.5]}"#),
             "steps.1: must be an integer from 0 to 4294967295, got 2.5"
         );
-        assert_eq!(message(BodyFormat::Json, br#"{"score": [1, "2"]}"#), "score.1: must be a number");
+        assert_eq!(message(BodyFormat::Json, br#"{"score": [1, "2"]}"#), "score.1: must be a finite number");
+        for number in ["NaN", "-Infinity", "1e999"] {
+            let text = format!(r#"{{"score": [1, {number}, {number}]}}"#);
+            let expected = "score.1: must be a finite number";
+            assert_eq!(message(BodyFormat::Json, text.as_bytes()), expected, "{number}");
+        }
+        assert!(message(BodyFormat::Json, br#"{"score": [NaN, 2"#).contains("not JSON"));
         assert!(message(BodyFormat::Json, br#"{"score": [1, 2"#).contains("not JSON"));
         let long = format!("\"{}\"", "x".repeat(100_000));
         assert!(message(BodyFormat::Json, long.as_bytes()).len() < 1000, "the error repeats the body");

@@ -12,6 +12,9 @@ use utoipa::{PartialSchema, ToSchema};
 use crate::engine::error::ServiceError;
 use crate::limits::{ConcurrencyError, LimitClosed, RateLimited, TooManyLongPolls};
 
+/// Longest text of a client that an error repeats, in characters.
+pub(super) const MAX_REPEATED_CHARS: usize = 300;
+
 /// Error response: problem details, and the time after which the client may retry.
 #[derive(Debug, Clone)]
 pub struct Problem {

@@ -7,7 +7,8 @@ use openenv_wire::{LocSegment, ValidationError};
 use serde_json::{Map, Value, json};
 
 use super::error_response::ErrorResponse;
-use crate::http::extract::{BYTE_ORDER_MARK, check_encoding, declared_length};
+use crate::http::content_encoding::check_decoded;
+use crate::http::extract::{BYTE_ORDER_MARK, declared_length};
 use crate::limits::constants::{BODY_TIMEOUT, MAX_OPENENV_BODY_BYTES};
 
 /// Extractor of a body that is empty or an object.
@@ -50,7 +51,7 @@ impl<S: Send + Sync> FromRequest<S> for Body {
 
 /// Reads a body within its time and size limits, without a byte order mark.
 pub(super) async fn read_body(request: Request) -> Result<Vec<u8>, ErrorResponse> {
-    check_encoding(request.headers())
+    check_decoded(request.headers())
         .map_err(|detail| ErrorResponse::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, detail))?;
     let too_large = || ErrorResponse::new(StatusCode::PAYLOAD_TOO_LARGE, "The body must have at most 1 MiB.");
     if declared_length(request.headers()).is_some_and(|length| length > MAX_OPENENV_BODY_BYTES as u64) {

@@ -12,11 +12,11 @@ use env_core::StopReason;
 use env_core::log::Precision;
 use serde_json::Value;
 use store::to_json;
-use strict_input::FieldError;
+use strict_input::{FieldError, ParsedInput};
 
 use crate::http::access::Caller;
 use crate::http::blocking::run_blocking;
-use crate::http::extract::{EncodedBody, NoQuery, ParsedBody, Path, parse_value};
+use crate::http::extract::{EncodedBody, NoQuery, Path, parse_value};
 use crate::http::large_body::{LargeBody, receive_large_body};
 use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
@@ -66,7 +66,7 @@ pub(super) async fn report_results(
 pub(in crate::http) fn read_report(
     body: EncodedBody,
 ) -> Result<(Option<u32>, Vec<ReportedEpisode>), Problem> {
-    let ParsedBody { value, non_finite } = body.parse()?;
+    let ParsedInput { value, non_finite } = body.parse()?;
     let mut invalid_numbers = BTreeMap::new();
     for error in non_finite {
         let (index, error) = in_result(error)?;

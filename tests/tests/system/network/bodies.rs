@@ -1,4 +1,4 @@
-//! Bodies in unusual forms: compressed, with a byte order mark, and with numbers that JSON does not have.
+//! Bodies in unusual forms: compressed, with a byte order mark, and with numbers that are not finite.
 
 use std::io::Write;
 
@@ -43,9 +43,17 @@ async fn gzip_bodies_are_read_within_the_limits() {
         assert_eq!(status, 413, "{path}: {text}");
         assert!(text.contains(limit), "{path}: {text}");
     }
-    let mut cut = gzip(br#"{"id": "other"}"#);
-    cut.truncate(cut.len() - 9);
-    for broken in [cut, b"{}".to_vec()] {
+    // Several members are one body; the encoding is not case-sensitive and has an old name.
+    for (encoding, id) in [("GZIP", "upper"), ("x-gzip", "old")] {
+        let members = [gzip(br#"{"id": "#), gzip(b""), gzip(format!("\"{id}\"}}").as_bytes())].concat();
+        let (status, text) = post(&api, "/v1/runs", encoding, members).await;
+        assert_eq!(status, 201, "{encoding}: {text}");
+    }
+    let whole = gzip(br#"{"id": "other"}"#);
+    let cut = whole[..whole.len() - 9].to_vec();
+    let trailing = [&whole[..], b"{}"].concat();
+    let cut_member = [&whole[..], &gzip(b" ")[..12]].concat();
+    for broken in [cut, trailing, cut_member, b"{}".to_vec()] {
         let (status, text) = post(&api, "/v1/runs", "gzip", broken).await;
         assert_eq!(status, 400, "{text}");
         assert!(text.contains("could not be read to its end"), "{text}");
@@ -90,39 +98,62 @@ async fn byte_order_mark_is_ignored() {
     assert!(api.request("POST", "/mcp", json, list).await.expect(200)["result"].is_object());
 }
 
-/// Number in place of which a test writes NaN: `serde_json` has no such number.
+/// Number in place of which a test writes one that is not finite: `serde_json` has no such number.
 const PLACEHOLDER: f64 = 1.25e77;
 
-/// Encodes a body as MessagePack, with NaN in place of [`PLACEHOLDER`].
-fn with_nan(body: &Value) -> Vec<u8> {
-    let mut bytes = rmp_serde::to_vec(body).unwrap();
-    let at = bytes.windows(8).position(|window| window == PLACEHOLDER.to_be_bytes()).unwrap();
-    bytes[at..at + 8].copy_from_slice(&f64::NAN.to_be_bytes());
-    bytes
+/// Body with a number that is not finite in place of [`PLACEHOLDER`], in its format.
+struct NonFiniteBody {
+    content_type: &'static str,
+    /// The number as errors show it.
+    number: &'static str,
+    bytes: Vec<u8>,
+}
+
+/// Encodes a body as MessagePack and as JSON of Python.
+fn non_finite_bodies(body: &Value) -> [NonFiniteBody; 3] {
+    let mut packed = rmp_serde::to_vec(body).unwrap();
+    let at = packed.windows(8).position(|window| window == PLACEHOLDER.to_be_bytes()).unwrap();
+    packed[at..at + 8].copy_from_slice(&f64::NAN.to_be_bytes());
+    let json = |number: &'static str| NonFiniteBody {
+        content_type: "application/json",
+        number,
+        bytes: body.to_string().replace(&json!(PLACEHOLDER).to_string(), number).into_bytes(),
+    };
+    let packed = NonFiniteBody { content_type: "application/msgpack", number: "NaN", bytes: packed };
+    [packed, json("NaN"), json("1e999")]
 }
 
 #[tokio::test]
-async fn nan_in_messagepack_refuses_one_result_by_field() {
+async fn number_that_is_not_finite_refuses_one_result_by_field() {
     let folder = tempfile::tempdir().unwrap();
     let server = ServerProcess::start(&folder.path().join("db.sqlite3"));
     let api = server.api();
     let run = json!({"id": "run", "tasks": ["kessler/survival"], "design": {"designer": "off"}});
     let _ = api.post("/v1/runs", run).await.expect(201);
+    let path = "/v1/runs/run/results";
     let mut results = api.lease("run", json!({"groups": 3})).await.results("hold");
     results[1]["actions"]["steps"][0] = json!([[0, PLACEHOLDER, 0.0]]);
-    let body = with_nan(&json!({"results": results}));
-    let msgpack = "application/msgpack";
-    let report = api.request("POST", "/v1/runs/run/results", msgpack, body).await.expect(200);
-    let statuses: Vec<&Value> = report["results"].as_array().unwrap().iter().map(|r| &r["status"]).collect();
-    assert_eq!(statuses, ["counted", "refused", "counted"], "{report}");
-    let refused = report["results"][1].to_string();
-    assert!(refused.contains("actions.steps.0.0.1: must be a finite number, got NaN"), "{refused}");
+    let mut status = "counted";
+    for NonFiniteBody { content_type, number, bytes } in non_finite_bodies(&json!({"results": results})) {
+        let report = api.request("POST", path, content_type, bytes).await.expect(200);
+        let statuses: Vec<&Value> =
+            report["results"].as_array().unwrap().iter().map(|r| &r["status"]).collect();
+        assert_eq!(statuses, [status, "refused", status], "{report}");
+        let refused = report["results"][1].to_string();
+        let expected = format!("actions.steps.0.0.1: must be a finite number, got {number}");
+        assert!(refused.contains(&expected), "{refused}");
+        status = "duplicate";
+    }
     // A number outside the results has no item that could be refused.
-    let body = with_nan(&json!({"results": [], "policy_version": PLACEHOLDER}));
-    let problem = api.request("POST", "/v1/runs/run/results", msgpack, body).await.expect(422);
-    assert_eq!(problem["field"], "policy_version", "{problem}");
-    let body = with_nan(&json!({"contested_share": PLACEHOLDER}));
-    let problem = api.request("POST", "/v1/runs", msgpack, body).await.expect(422);
-    assert_eq!(problem["detail"], "must be a finite number, got NaN");
-    assert_eq!(problem["field"], "contested_share");
+    let policy_version = non_finite_bodies(&json!({"results": [], "policy_version": PLACEHOLDER}));
+    let contested_share = non_finite_bodies(&json!({"contested_share": PLACEHOLDER}));
+    for (path, field, bodies) in
+        [(path, "policy_version", policy_version), ("/v1/runs", "contested_share", contested_share)]
+    {
+        for NonFiniteBody { content_type, number, bytes } in bodies {
+            let problem = api.request("POST", path, content_type, bytes).await.expect(422);
+            assert_eq!(problem["detail"], format!("must be a finite number, got {number}"));
+            assert_eq!(problem["field"], field, "{problem}");
+        }
+    }
 }

@@ -10,7 +10,7 @@ use crate::http::state::AppState;
 use crate::limits::constants::ORDINARY_INPUT_LIMITS;
 use crate::sessions::vector::frame::FRAME_VERSION;
 use crate::sessions::{ClientIdentity, ResumableSession, ResumeError, SessionAttachment, SingleSession};
-use strict_input::{InputError, from_value, parse_json};
+use strict_input::{InputError, ParsedInput, from_value, parse_json};
 
 /// Fields of an `open` message that a reset does not have.
 const OPEN_FIELDS: &str = "version, vector";
@@ -52,8 +52,9 @@ struct ResumeFields {
 
 /// Parses a message and its common fields.
 pub(in crate::http) fn parse_message(text: &str) -> Result<ClientMessage, (Option<u64>, ErrorMessage)> {
-    let message = parse_json(text.as_bytes(), ORDINARY_INPUT_LIMITS).map_err(|error| match error {
-        InputError::DuplicateKey(fault) => (None, fault.into()),
+    let parsed = parse_json(text.as_bytes(), ORDINARY_INPUT_LIMITS).and_then(ParsedInput::finite);
+    let message = parsed.map_err(|error| match error {
+        InputError::Field(fault) => (None, fault.into()),
         InputError::TooLarge(why) => (None, ErrorMessage::invalid("message", why)),
         InputError::Malformed(why) => {
             let why: String = why.chars().take(200).collect();
