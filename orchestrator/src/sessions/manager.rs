@@ -1,16 +1,17 @@
 //! [`SessionManager`]: opens and closes all sessions of a server, within its limits.
 
-use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use parking_lot::Mutex;
 use store::ids::RunId;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
-use tokio::time::Instant;
+use uuid::Uuid;
 
 use super::client::ClientIdentity;
 use super::connection_registry::{CloseSignal, ConnectionRegistry};
+use super::named_sessions::{
+    AttachError, AttachedSession, CloseOutcome, NamedSessions, SessionKey, SharedSession,
+};
 use super::resumable::ResumableSessions;
 use super::session::Session;
 use super::session_leases::SessionLeases;
@@ -52,31 +53,6 @@ impl Default for SessionLimits {
     }
 }
 
-/// Name of a session among the sessions of one client, so that clients cannot reach each other's sessions.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct SessionKey {
-    client: Option<Arc<str>>,
-    name: String,
-}
-
-impl SessionKey {
-    /// Creates the key of a client's session.
-    #[must_use]
-    pub fn new(client: &ClientIdentity, name: impl Into<String>) -> Self {
-        Self { client: client.name.clone(), name: name.into() }
-    }
-}
-
-/// Session that several requests use by its key.
-pub type SharedSession = Arc<tokio::sync::Mutex<Session>>;
-
-/// Session with a key.
-#[derive(Debug)]
-struct NamedSession {
-    session: SharedSession,
-    last_used: Instant,
-}
-
 /// Manager of all sessions of a server.
 #[derive(Debug)]
 pub struct SessionManager {
@@ -89,7 +65,7 @@ pub struct SessionManager {
     resumable: ResumableSessions,
     pub(super) leases: Arc<SessionLeases>,
     judges: Arc<Judges>,
-    named: Mutex<HashMap<SessionKey, NamedSession>>,
+    named: Arc<NamedSessions>,
     stopping: watch::Sender<bool>,
     connections: ConnectionRegistry,
 }
@@ -111,7 +87,7 @@ impl SessionManager {
             resumable: ResumableSessions::default(),
             leases: Arc::new(SessionLeases::new(lease_service, limits.allow_runs)),
             judges,
-            named: Mutex::default(),
+            named: Arc::default(),
             stopping: watch::Sender::new(false),
             connections: ConnectionRegistry::default(),
         }
@@ -146,8 +122,12 @@ impl SessionManager {
     /// # Errors
     /// Returns [`QuotaExceeded`] if too many sessions are open, in total or of the client.
     pub fn open(&self, client: &ClientIdentity) -> Result<Session, QuotaExceeded> {
+        self.open_with_id(client, Uuid::new_v4().to_string())
+    }
+
+    fn open_with_id(&self, client: &ClientIdentity, id: String) -> Result<Session, QuotaExceeded> {
         let permit = self.acquire_permit(client)?;
-        Ok(Session::new(permit, client.clone(), Arc::clone(&self.leases), Arc::clone(&self.judges)))
+        Ok(Session::new(id, permit, client.clone(), Arc::clone(&self.leases), Arc::clone(&self.judges)))
     }
 
     /// Returns the session with a key, and opens it if it does not exist.
@@ -162,27 +142,29 @@ impl SessionManager {
         if let Some(session) = self.get(key) {
             return Ok(session);
         }
-        let session = Arc::new(tokio::sync::Mutex::new(self.open(client)?));
-        let mut named = self.named.lock();
-        // Two requests may have opened it at the same time: the first session stays.
-        let entry =
-            named.entry(key.clone()).or_insert_with(|| NamedSession { session, last_used: Instant::now() });
-        Ok(Arc::clone(&entry.session))
+        let session = self.open_with_id(client, key.name().to_owned())?;
+        Ok(self.named.add(key, session))
     }
 
     /// Returns the session with a key, if it exists.
     #[must_use]
     pub fn get(&self, key: &SessionKey) -> Option<SharedSession> {
         self.close_idle();
-        let mut named = self.named.lock();
-        let entry = named.get_mut(key)?;
-        entry.last_used = Instant::now();
-        Some(Arc::clone(&entry.session))
+        self.named.get(key)
     }
 
-    /// Closes the session with a key. Returns false if it does not exist.
-    pub fn close(&self, key: &SessionKey) -> bool {
-        self.named.lock().remove(key).is_some()
+    /// Attaches a connection to the session with a key, which outlives the connection.
+    ///
+    /// # Errors
+    /// Returns [`AttachError`] if there is no such session, or if another connection is attached to it.
+    pub fn attach(&self, key: SessionKey) -> Result<AttachedSession, AttachError> {
+        self.close_idle();
+        self.named.attach(key)
+    }
+
+    /// Closes the session with a key, or lets it close when its connection ends.
+    pub fn close(&self, key: &SessionKey) -> CloseOutcome {
+        self.named.close(key)
     }
 
     /// Returns a signal for a connection of the client: the server stops, or the client's token expires or is revoked.
@@ -199,7 +181,7 @@ impl SessionManager {
     /// Closes all sessions and waits for them, for two seconds at most. Unfinished episodes are returned to their leases.
     pub async fn shut_down(&self) {
         self.stopping.send_replace(true);
-        self.named.lock().clear();
+        self.named.close_all();
         // Connections close their own sessions, which takes a moment.
         let closed = tokio::time::timeout(SESSIONS_SHUTDOWN_TIMEOUT, self.quota.wait_until_unused()).await;
         if closed.is_err() {
@@ -229,9 +211,6 @@ impl SessionManager {
     /// Closes named sessions that were not used for the idle timeout.
     fn close_idle(&self) {
         let Some(idle_timeout) = self.limits.idle_timeout else { return };
-        // A request that uses a session holds another reference to it.
-        self.named.lock().retain(|_, entry| {
-            entry.last_used.elapsed() < idle_timeout || Arc::strong_count(&entry.session) > 1
-        });
+        self.named.close_idle(idle_timeout);
     }
 }

@@ -12,6 +12,7 @@ mod client;
 mod connection_registry;
 mod judged_score;
 mod manager;
+mod named_sessions;
 mod open_vector;
 mod resumable;
 mod session;
@@ -22,12 +23,15 @@ pub mod vector;
 pub use self::client::ClientIdentity;
 pub use self::connection_registry::{CloseReason, CloseSignal, ConnectionRegistry, Credential};
 pub use self::judged_score::JudgedScore;
-pub use self::manager::{SessionKey, SessionLimits, SessionManager, SharedSession};
+pub use self::manager::{SessionLimits, SessionManager};
+pub use self::named_sessions::{AttachError, AttachedSession, CloseOutcome, SessionKey, SharedSession};
 pub use self::resumable::{
     LEASE_CHECK_INTERVAL, LastReply, ResumableSession, ResumableSessions, ResumeError, SessionAttachment,
     SingleSession,
 };
 pub use self::session::{ReportOutcome, Session, SessionError, SessionStatus, StepView};
 pub use self::session_leases::SESSION_LEASE_TTL_S;
-pub use self::session_request::{EpisodeSource, MAX_NAME_CHARS, SessionRequest, SessionRequestError};
+pub use self::session_request::{
+    EpisodeSource, MAX_NAME_CHARS, SessionRequest, SessionRequestError, SuiteScenario,
+};
 pub use self::vector::{EpisodeTally, VectorError, VectorRequest, VectorSession, VectorSource};

@@ -129,13 +129,14 @@ pub struct SessionStatus<'a> {
 impl Session {
     /// Creates a session of a client without an episode.
     pub(super) fn new(
+        id: String,
         permit: QuotaPermit,
         client: ClientIdentity,
         leases: Arc<SessionLeases>,
         judges: Arc<Judges>,
     ) -> Self {
         Self {
-            id: Uuid::new_v4().to_string(),
+            id,
             leases,
             judges,
             episode_id: Uuid::new_v4().to_string(),

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use env_core::{Recipe, Scenario, ScenarioError, Seed, SeedSpace, TaskSpec};
+use evaluation::suite::file::built_in;
 use rand::TryRng;
 use rand::rngs::SysRng;
 
@@ -26,6 +27,8 @@ pub struct SessionRequest {
     pub physics: Vec<(String, String)>,
     /// Complete scenario, instead of seed, task, params and physics.
     pub scenario: Option<Scenario>,
+    /// Scenario of a suite, instead of seed, task, params and physics.
+    pub suite_scenario: Option<SuiteScenario>,
     /// Run whose curriculum proposes the scenario and receives the outcome.
     pub run: Option<RunId>,
     /// Lease of the run whose episodes are used.
@@ -69,6 +72,33 @@ impl SessionRequestError {
     }
 }
 
+/// Scenario of a built-in suite.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SuiteScenario {
+    /// Name of the suite.
+    pub suite: &'static str,
+    /// Place of the scenario in the suite, from 0.
+    pub index: usize,
+}
+
+impl SuiteScenario {
+    /// Reads the scenario from its suite. The first use of a suite parses it, which takes too long for a thread of the runtime.
+    ///
+    /// # Errors
+    /// Returns the error of the field `index` if the suite has fewer scenarios.
+    pub(super) fn load(self) -> Result<Scenario, SessionRequestError> {
+        let suite = built_in(self.suite).map(|loaded| &loaded.suite);
+        let entry = suite.and_then(|suite| suite.entries().nth(self.index));
+        let count = || suite.map_or(0, |suite| suite.entries().count());
+        entry.map(|entry| entry.scenario.clone()).ok_or_else(|| {
+            SessionRequestError::new(
+                "index",
+                format!("must be less than {}, the number of scenarios", count()),
+            )
+        })
+    }
+}
+
 /// Source of the episode that a session runs.
 #[derive(Debug, Clone)]
 pub enum EpisodeSource {
@@ -105,19 +135,43 @@ impl SessionRequest {
     ///
     /// # Errors
     /// Returns the first field that excludes another one, or that does not make a valid scenario.
-    pub fn resolve(self, default_task: &'static dyn TaskSpec) -> Result<EpisodeSource, SessionRequestError> {
+    pub async fn resolve(
+        self,
+        default_task: &'static dyn TaskSpec,
+    ) -> Result<EpisodeSource, SessionRequestError> {
         if self.run.is_some() || self.lease.is_some() {
             self.resolve_run()
+        } else if let Some(scenario) = self.suite_scenario {
+            self.check_alone()?;
+            let loaded = tokio::task::spawn_blocking(move || scenario.load()).await;
+            let failed = |_| SessionRequestError::new("split", "cannot be read; send the request again");
+            loaded.map_err(failed)?.map(EpisodeSource::Scenario)
         } else {
             self.resolve_scenario(default_task).map(EpisodeSource::Scenario)
+        }
+    }
+
+    /// Checks that a scenario of a suite has no field that determines a scenario beside it.
+    fn check_alone(&self) -> Result<(), SessionRequestError> {
+        let reason = "must be left out with `split` and `index`, which determine the scenario";
+        self.reject_scenario_fields(reason)?;
+        let others = [
+            ("scenario", self.scenario.is_some()),
+            ("group_id", self.group.is_some()),
+            ("group_size", self.group_size.is_some()),
+        ];
+        match others.iter().find(|(_, is_given)| *is_given) {
+            Some((field, _)) => Err(SessionRequestError::new(field, reason)),
+            None => Ok(()),
         }
     }
 
     fn resolve_run(self) -> Result<EpisodeSource, SessionRequestError> {
         let reason = "must be left out with `run` or `lease_id`: the curriculum determines it";
         self.reject_scenario_fields(reason)?;
-        if self.scenario.is_some() {
-            return Err(SessionRequestError::new("scenario", reason));
+        let scenarios = [("scenario", self.scenario.is_some()), ("split", self.suite_scenario.is_some())];
+        if let Some((field, _)) = scenarios.iter().find(|(_, is_given)| *is_given) {
+            return Err(SessionRequestError::new(field, reason));
         }
         let Some(run) = self.run else {
             return Err(SessionRequestError::new("run", "is required with `lease_id`"));

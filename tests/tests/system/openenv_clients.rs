@@ -1,4 +1,4 @@
-//! Clients of openenv-core, from the package index, against a real server.
+//! Clients of OpenEnv and of the Model Context Protocol, from the package index, against a real server.
 
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -7,24 +7,47 @@ use std::process::{Command, Stdio};
 use serde_json::json;
 use system_tests::{ApiClient, Server, http_client, sparring_binary};
 
-#[tokio::test]
-async fn openenv_core_clients_run_unmodified() {
+/// Runs a script of `tests/clients` with a virtual environment of `target/` against a server, and returns its lines. `None` if
+/// the environment is not installed.
+#[expect(clippy::print_stderr, reason = "a test that is skipped says so")]
+async fn run_clients(venv: &str, script: &str) -> Option<String> {
     let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."));
-    let python = root.join("target/openenv-venv/bin/python");
+    let python = root.join("target").join(venv).join("bin/python");
     if !python.exists() {
         assert!(std::env::var_os("SPARRING_TRAINERS").is_none(), "scripts/openenv-venv has not been run");
-        eprintln!("skipped: `make test` installs openenv-core first");
-        return;
+        eprintln!("skipped: `SPARRING_TRAINERS=1 scripts/openenv-venv` installs target/{venv}");
+        return None;
     }
     let mut server = Server::start().await;
     let url = server.api().base().to_owned();
-    let script = root.join("tests/clients/openenv_clients.py");
-    let run = move || Command::new(python).arg(script).arg(url).output().unwrap();
+    let script = root.join("tests/clients").join(script);
+    let run = move || Command::new(python).arg(script).arg(url).arg(sparring_binary()).output().unwrap();
     let out = tokio::task::spawn_blocking(run).await.unwrap();
     let stdout = String::from_utf8_lossy(&out.stdout).into_owned();
     assert!(out.status.success(), "{stdout}{}", String::from_utf8_lossy(&out.stderr));
-    assert_eq!(stdout.lines().count(), 6, "{stdout}");
     server.stop().await;
+    Some(stdout)
+}
+
+#[tokio::test]
+async fn openenv_core_clients_run_unmodified() {
+    if let Some(lines) = run_clients("openenv-venv", "openenv_clients.py").await {
+        assert_eq!(lines.lines().count(), 6, "{lines}");
+    }
+}
+
+#[tokio::test]
+async fn openenv_0_10_clients_run_unmodified() {
+    if let Some(lines) = run_clients("openenv-0.10-venv", "openenv_0_10_clients.py").await {
+        assert_eq!(lines.lines().count(), 5, "{lines}");
+    }
+}
+
+#[tokio::test]
+async fn client_of_the_mcp_sdk_flies_episodes() {
+    if let Some(lines) = run_clients("mcp-venv", "mcp_clients.py").await {
+        assert_eq!(lines.lines().count(), 3, "{lines}");
+    }
 }
 
 /// Runs the command of the Dockerfile on a free port: OpenEnv is public, the API of runs is absent.

@@ -3,12 +3,13 @@
 use std::str::FromStr;
 
 use env_core::{Scenario, TaskSpec};
+use evaluation::suite::file::{BUILT_IN_SUITES, built_in_names};
 use openenv_wire::{LocSegment, NumberError, ValidationError, echo_input, parse_integer, parse_number};
 use serde_json::{Map, Value, json};
 use store::ids::InvalidId;
 
 use super::tasks::{RESET_ORDER, known_tasks, task_by_name};
-use crate::sessions::{MAX_NAME_CHARS, SessionRequest};
+use crate::sessions::{MAX_NAME_CHARS, SessionRequest, SuiteScenario};
 
 /// Reads the fields of an object and collects errors.
 pub(in crate::http) struct FieldReader<'a> {
@@ -163,8 +164,23 @@ impl<'a> FieldReader<'a> {
     }
 }
 
+/// Names that clients confuse with fields of a reset, and the fields. Other unknown fields are ignored, but an episode outside
+/// of the run that a client means would be lost to it.
+const MISTAKEN_NAMES: [(&str, &str); 4] =
+    [("run_id", "run"), ("lease", "lease_id"), ("group", "group_id"), ("task_id", "task")];
+
 /// Reads the data of a reset.
 pub(in crate::http) fn read_session_request(fields: &mut FieldReader<'_>) -> SessionRequest {
+    for (mistaken, field) in MISTAKEN_NAMES {
+        if let Some(value) = fields.get(mistaken) {
+            fields.add_error(
+                mistaken,
+                "value_error",
+                format!("Value error, must be sent as `{field}`"),
+                value,
+            );
+        }
+    }
     let seed = fields.integer("seed", env_core::seed::MAX_USER_SEED);
     let task = task(fields);
     let policy_version = fields.integer("policy_version", u64::from(u32::MAX));
@@ -183,8 +199,10 @@ pub(in crate::http) fn read_session_request(fields: &mut FieldReader<'_>) -> Ses
         let text = value.as_str().map(str::to_owned);
         text.ok_or(NumberError { kind: "string_type", msg: "Input should be a valid string" })
     };
+    let suite_scenario = suite_scenario(fields);
     SessionRequest {
         seed,
+        suite_scenario,
         episode_id: fields.text("episode_id"),
         task,
         params: fields.table("params", parse_number),
@@ -196,6 +214,29 @@ pub(in crate::http) fn read_session_request(fields: &mut FieldReader<'_>) -> Ses
         group_size: narrow(group_size),
         policy_version: narrow(policy_version),
     }
+}
+
+/// Reads `split` and `index`, which select a scenario of a suite.
+fn suite_scenario(fields: &mut FieldReader<'_>) -> Option<SuiteScenario> {
+    let (split, index) = (fields.text("split"), fields.integer("index", u64::from(u32::MAX)));
+    let field = if split.is_none() { "split" } else { "index" };
+    let suite = match (split, index) {
+        (Some(split), Some(_)) => split,
+        (None, None) => return None,
+        _ => {
+            if fields.errors.is_empty() {
+                let message = "Value error, is required: a scenario of a suite has a split and an index";
+                fields.add_error(field, "value_error", message, &Value::Null);
+            }
+            return None;
+        }
+    };
+    let Some(suite) = BUILT_IN_SUITES.iter().find(|known| known.name == suite) else {
+        let message = format!("Value error, must be one of {}", built_in_names());
+        fields.add_error("split", "value_error", message, &Value::String(suite));
+        return None;
+    };
+    Some(SuiteScenario { suite: suite.name, index: index.and_then(|index| usize::try_from(index).ok())? })
 }
 
 /// Reads a task: its id, its name in the first world, or its number in the public kessler-env, from 1.

@@ -59,6 +59,7 @@ pub(super) async fn get_environment_schema(
     Ok(axum::Json(json!({
         "action": wire.action_schema(),
         "observation": wire.observation_schema(),
+        "reset_observation": wire.observation_schema(),
         "state": state_schema(),
     })))
 }

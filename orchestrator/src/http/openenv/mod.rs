@@ -1,7 +1,7 @@
-//! OpenEnv: the routes of openenv-core 0.3.0, so that its clients work with this server unchanged.
+//! OpenEnv: the routes of openenv 0.10 and openenv-core 0.3.0, so that their clients work with this server unchanged.
 //!
-//! `simulation` serves single HTTP requests, `socket` a session over a WebSocket, `mcp` the Model Context Protocol, and `web`
-//! the page. Sessions themselves are in `crate::sessions`. docs/reference/openenv.md lists the intended differences to openenv-core.
+//! `simulation` serves single HTTP requests, `socket` a session over a WebSocket, `mcp` the Model Context Protocol,
+//! `task_discovery` the lists of scenarios, and `web` the page. Sessions themselves are in `crate::sessions`. docs/reference/openenv.md lists the intended differences to openenv-core.
 //! Start reading at [`routes`].
 
 mod body;
@@ -14,14 +14,15 @@ mod metadata;
 mod simulation;
 mod socket;
 mod step_response;
+mod task_discovery;
 mod tasks;
 mod viewer_socket;
 mod web;
 
 use axum::Extension;
-use axum::extract::State;
 use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
+use axum::extract::{Query, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
@@ -35,11 +36,17 @@ use super::access::Caller;
 use crate::http::state::AppState;
 
 /// Paths that are served with and without a slash at the end. `/web` is a redirect to `/web/`.
-pub(super) const PATHS: [&str; 14] = [
+pub(super) const PATHS: [&str; 20] = [
     "/health",
     "/metadata",
     "/schema",
     "/manifest.json",
+    "/list_environments",
+    "/sparring/splits",
+    "/sparring/tasks",
+    "/sparring/num_tasks",
+    "/sparring/task",
+    "/sparring/task_range",
     "/reset",
     "/step",
     "/state",
@@ -59,10 +66,16 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(metadata::get_environment_metadata))
         .routes(routes!(metadata::get_environment_schema))
         .routes(routes!(metadata::get_manifest))
+        .routes(routes!(task_discovery::list_environments))
+        .routes(routes!(task_discovery::list_splits))
+        .routes(routes!(task_discovery::list_split_tasks))
+        .routes(routes!(task_discovery::count_split_tasks))
+        .routes(routes!(task_discovery::get_split_task))
+        .routes(routes!(task_discovery::list_split_task_range))
         .routes(routes!(simulation::reset_environment))
         .routes(routes!(simulation::step_environment))
         .routes(routes!(simulation::get_environment_state))
-        .routes(routes!(mcp::routes::call_mcp))
+        .routes(routes!(mcp::routes::call_mcp, mcp::routes::end_mcp_session))
         .routes(routes!(connect_mcp_session))
         .routes(routes!(connect_environment_session))
         .routes(routes!(connect_ui_session))
@@ -75,20 +88,31 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .route("/web/step", post(web::step))
 }
 
+/// Query of a WebSocket. Other parameters are ignored, as OpenEnv's server does.
+#[derive(serde::Deserialize)]
+struct SocketQuery {
+    session_id: Option<String>,
+}
+
 type Upgrade = Result<WebSocketUpgrade, WebSocketUpgradeRejection>;
 
-/// Run episodes over a WebSocket in openenv-core's frames: `reset`, `step`, `state`, `close`.
+/// Run episodes over a WebSocket in OpenEnv's frames: `reset`, `step`, `state`, `close`.
+///
+/// With `session_id` the connection attaches to a session of `POST /mcp`, which outlives it.
 #[utoipa::path(
     get, path = "/ws", tag = "openenv",
+    params(("session_id" = Option<String>, Query, description = "Id of a session that `openenv/session/create` returned.")),
     responses((status = 101), (status = 404, body = Object, description = "The request is not a WebSocket upgrade."))
 )]
 async fn connect_environment_session(
     state: State<AppState>,
     Extension(caller): Extension<Caller>,
+    Query(query): Query<SocketQuery>,
     upgrade: Upgrade,
 ) -> Response {
+    let session_id = query.session_id.filter(|id| !id.is_empty());
     match upgrade {
-        Ok(upgrade) => socket::connect(state, caller.identity, upgrade).await,
+        Ok(upgrade) => socket::connect(state, caller.identity, session_id, upgrade).await,
         // Like openenv-core, a route that is only a WebSocket does not exist for other requests.
         Err(_) => ErrorResponse::new(StatusCode::NOT_FOUND, "Not Found").into_response(),
     }
@@ -108,7 +132,7 @@ async fn connect_mcp_session(
         Ok(upgrade) => mcp::connect(state, caller.identity, upgrade).await,
         Err(_) => {
             let error = ErrorResponse::new(StatusCode::METHOD_NOT_ALLOWED, "Method Not Allowed");
-            ([(axum::http::header::ALLOW, "POST")], error).into_response()
+            ([(axum::http::header::ALLOW, "POST, DELETE")], error).into_response()
         }
     }
 }

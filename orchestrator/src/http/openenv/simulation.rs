@@ -108,6 +108,7 @@ pub(super) async fn begin_episode(
     let name = request.episode_id.clone();
     let resolved = request
         .resolve(built_in_task(default_task))
+        .await
         .map_err(|error| ErrorResponse::validation(&[request_error(&error, &body::body_location())]))?;
     if !is_own && !matches!(resolved, EpisodeSource::Scenario(_)) {
         let location =
@@ -116,7 +117,8 @@ pub(super) async fn begin_episode(
                        choice, another one for each rollout, and send it with each step";
         return Err(ErrorResponse::single("missing", location, message, Value::Null));
     }
-    Ok(step_response::http_response(&session.reset(resolved, name).await?))
+    session.reset(resolved, name).await?;
+    Ok(step_response::http_response(session)?)
 }
 
 /// Step the environment by `{"action": …}` or by the fields of the action.
@@ -150,7 +152,8 @@ pub(super) async fn step_environment(
     if let Some(named) = named.filter(|named| named != running) {
         return Err(SessionError::OtherEpisode { running: running.to_owned(), named }.into());
     }
-    Ok(step_response::http_response(&session.step(&action).await?))
+    session.step(&action).await?;
+    Ok(step_response::http_response(&session)?)
 }
 
 /// Returns the action of a step: the field `action` or, as in the README of the public kessler-env, all fields that do not

@@ -1,12 +1,15 @@
-//! `/ws`: a session over one WebSocket in openenv-core's frames. Only the message `close` ends the session.
+//! `/ws`: a session over one WebSocket in OpenEnv's frames. The connection has a session of its own, which only the message
+//! `close` ends, or attaches to the session of `POST /mcp` that its query names.
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 use axum::extract::State;
 use axum::extract::ws::{WebSocket, WebSocketUpgrade};
 use axum::response::Response;
 use openenv_wire::ValidationError;
 use serde_json::{Map, Value, json};
+use tokio::sync::Mutex;
 
 use super::super::socket::{
     Received, close, close_for_size, limit_frames, receive, run_while_connected, send_text,
@@ -19,25 +22,59 @@ use super::step_response;
 use super::tasks::{RESET_ORDER, built_in_task};
 use crate::http::state::AppState;
 use crate::limits::QuotaExceeded;
-use crate::sessions::{ClientIdentity, Session, SessionError};
+use crate::sessions::{AttachedSession, ClientIdentity, Session, SessionError, SessionKey, SharedSession};
 
 /// Capacity of the first response in bytes; later responses use the size of the previous one.
 const INITIAL_CAPACITY: usize = 4 * 1024;
+/// Maximum number of errors in a message.
+const MAX_SHOWN_ERRORS: usize = 3;
 
-/// Opens a session over a WebSocket.
+/// Opens a session over a WebSocket, or attaches to the session with the name `attach_to`.
 pub(super) async fn connect(
     State(app): State<AppState>,
     client: ClientIdentity,
+    attach_to: Option<String>,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    limit_frames(upgrade).on_upgrade(move |socket| serve(socket, app, client))
+    limit_frames(upgrade).on_upgrade(move |socket| serve(socket, app, client, attach_to))
 }
 
-async fn serve(mut socket: WebSocket, app: AppState, client: ClientIdentity) {
-    let mut session = match app.sessions.open(&client) {
-        Ok(session) => session,
-        Err(full) => {
-            let _ = send_text(&mut socket, capacity_error(full).to_string().into_bytes()).await;
+/// Session of a connection.
+enum ConnectedSession {
+    /// Session that ends with the connection.
+    Own(SharedSession),
+    /// Session that other requests use as well.
+    Attached(AttachedSession),
+}
+
+impl ConnectedSession {
+    /// Opens a session, or attaches to the one with a name. An error is the frame for the client.
+    fn connect(app: &AppState, client: &ClientIdentity, attach_to: Option<String>) -> Result<Self, Value> {
+        match attach_to {
+            None => match app.sessions.open(client) {
+                Ok(session) => Ok(Self::Own(Arc::new(Mutex::new(session)))),
+                Err(full) => Err(capacity_error(full)),
+            },
+            Some(name) => {
+                let attached = app.sessions.attach(SessionKey::new(client, name));
+                attached.map(Self::Attached).map_err(|error| error_frame("SESSION_ERROR", &error.to_string()))
+            }
+        }
+    }
+
+    const fn session(&self) -> &SharedSession {
+        match self {
+            Self::Own(session) => session,
+            Self::Attached(attached) => attached.session(),
+        }
+    }
+}
+
+async fn serve(mut socket: WebSocket, app: AppState, client: ClientIdentity, attach_to: Option<String>) {
+    let connected = match ConnectedSession::connect(&app, &client, attach_to) {
+        Ok(connected) => connected,
+        Err(frame) => {
+            let _ = send_text(&mut socket, frame.to_string().into_bytes()).await;
             return close(socket).await;
         }
     };
@@ -55,7 +92,7 @@ async fn serve(mut socket: WebSocket, app: AppState, client: ClientIdentity) {
         let mut frame = Vec::with_capacity(capacity);
         match received {
             Received::Text(text) => {
-                let work = respond(&app, &mut session, &text, &mut frame);
+                let work = respond(&app, connected.session(), &text, &mut frame);
                 match run_while_connected(&mut socket, &mut early, work).await {
                     None => return,
                     Some(ControlFlow::Break(())) => return close(socket).await,
@@ -93,7 +130,7 @@ async fn serve(mut socket: WebSocket, app: AppState, client: ClientIdentity) {
 }
 
 /// Writes the response to one text frame into `out`. Breaks if the client closes the session.
-async fn respond(app: &AppState, session: &mut Session, text: &str, out: &mut Vec<u8>) -> ControlFlow<()> {
+async fn respond(app: &AppState, session: &SharedSession, text: &str, out: &mut Vec<u8>) -> ControlFlow<()> {
     let mut message = match openenv_wire::parse_python_json(text) {
         Ok(Value::Object(message)) => message,
         Ok(other) => {
@@ -113,6 +150,7 @@ async fn respond(app: &AppState, session: &mut Session, text: &str, out: &mut Ve
             return ControlFlow::Continue(());
         }
     };
+    let session = &mut *session.lock().await;
     let result = match message.get("type").and_then(Value::as_str) {
         Some("reset") => reset(session, &mut message, out).await,
         Some("step") => step(session, &mut message, out).await,
@@ -156,11 +194,12 @@ async fn reset(
     let next = RESET_ORDER[usize::try_from(session.resets()).unwrap_or_default() % RESET_ORDER.len()];
     let default_task = built_in_task(if request.group.is_some() { RESET_ORDER[0] } else { next });
     let name = request.episode_id.clone();
-    let resolved =
-        request.resolve(default_task).map_err(|error| validation_error(&[request_error(&error, &[])]))?;
-    let shown = session.reset(resolved, name).await.map_err(|error| session_error(&error))?;
-    write_observation(&shown, out);
-    Ok(())
+    let resolved = request
+        .resolve(default_task)
+        .await
+        .map_err(|error| validation_error(&[request_error(&error, &[])]))?;
+    session.reset(resolved, name).await.map_err(|error| session_error(&error))?;
+    write_observation(session, out).map_err(|error| session_error(&error))
 }
 
 async fn step(
@@ -173,9 +212,8 @@ async fn step(
         out.extend(answer.to_string().bytes());
         return Ok(());
     }
-    let shown = session.step(&Value::Object(action)).await.map_err(|error| session_error(&error))?;
-    write_observation(&shown, out);
-    Ok(())
+    session.step(&Value::Object(action)).await.map_err(|error| session_error(&error))?;
+    write_observation(session, out).map_err(|error| session_error(&error))
 }
 
 async fn mcp(
@@ -190,10 +228,11 @@ async fn mcp(
     Ok(())
 }
 
-fn write_observation(step: &crate::sessions::StepView<'_>, out: &mut Vec<u8>) {
+fn write_observation(session: &Session, out: &mut Vec<u8>) -> Result<(), SessionError> {
     out.extend_from_slice(b"{\"type\":\"observation\",\"data\":");
-    step_response::write_step(step, out);
+    step_response::write_step(session, out)?;
     out.push(b'}');
+    Ok(())
 }
 
 /// Returns the data of a message, which may have no other fields. `default` replaces missing data.
@@ -239,9 +278,19 @@ fn error_frame(code: &str, message: &str) -> Value {
     json!({"type": "error", "data": {"message": message, "code": code}})
 }
 
-/// Returns the error frame of validation errors.
+/// Returns the error frame of validation errors. Its message names the fields, since OpenEnv's client shows only the message.
 fn validation_error(errors: &[ValidationError]) -> Value {
-    json!({"type": "error", "data": {"message": "Invalid message", "code": "VALIDATION_ERROR", "errors": errors}})
+    let message = format!("Invalid message: {}", summarize(errors));
+    json!({"type": "error", "data": {"message": message, "code": "VALIDATION_ERROR", "errors": errors}})
+}
+
+/// Returns the first errors with their fields as one sentence.
+fn summarize(errors: &[ValidationError]) -> String {
+    let mut summary: Vec<String> = errors.iter().take(MAX_SHOWN_ERRORS).map(ToString::to_string).collect();
+    if errors.len() > MAX_SHOWN_ERRORS {
+        summary.push(format!("and {} more", errors.len() - MAX_SHOWN_ERRORS));
+    }
+    summary.join("; ")
 }
 
 fn session_error(error: &SessionError) -> Value {

@@ -114,7 +114,8 @@ pub(super) async fn step(
     let action = fields.map_or_else(|| Ok(Value::Object(Map::new())), simulation::action_from_body)?;
     let session = app.sessions.get(&name).ok_or(SessionError::NotStarted)?;
     let mut session = session.lock().await;
-    let response = step_response::http_response(&session.step(&action).await?);
+    session.step(&action).await?;
+    let response = step_response::http_response(&session)?;
     app.episode_boards.show_step(&name, &session, &action, app.clock.now());
     Ok(response)
 }

@@ -1,10 +1,12 @@
-//! The Model Context Protocol of openenv-core 0.3.0: JSON-RPC over HTTP and WebSocket, with tools that act in an episode.
+//! The Model Context Protocol: JSON-RPC over HTTP and WebSocket, with tools that act in an episode.
 //!
-//! A client can act and observe through tools, but cannot begin an episode by a tool or see the planner's knowledge.
-//! `routes` has the transports, `rpc` the messages, `tools` the tools. Start reading at [`respond`].
+//! Requests over HTTP are those of the protocol's transport *Streamable HTTP* and those of OpenEnv, which name their session in
+//! the params. A client can act and observe through tools, but cannot begin an episode by a tool or see the planner's knowledge.
+//! `routes` and `streamable` have the transports, `rpc` the messages, `tools` the tools. Start reading at [`respond`].
 
 pub(super) mod routes;
 pub(in crate::http) mod rpc;
+mod streamable;
 mod tools;
 
 use serde_json::{Map, Value, json};
@@ -15,14 +17,22 @@ use super::error_message::session_error_message;
 use super::fields::{FieldReader, read_session_request};
 use super::tasks::{RESET_ORDER, built_in_task};
 use crate::http::state::AppState;
-use crate::sessions::{ClientIdentity, Session, SessionKey, SharedSession};
+use crate::sessions::{ClientIdentity, CloseOutcome, Session, SessionKey, SharedSession};
+
+/// Versions of the protocol that the server speaks, newest first.
+const PROTOCOL_VERSIONS: [&str; 4] = ["2025-11-25", "2025-06-18", "2025-03-26", "2024-11-05"];
 
 /// Origin of a request.
 pub(super) enum RpcOrigin<'a> {
     /// Connection that has a session.
     Connection(&'a mut Session),
     /// Single HTTP request of a client.
-    Single(&'a ClientIdentity),
+    Single {
+        /// Client of the request.
+        client: &'a ClientIdentity,
+        /// Name of the session in a header of the request.
+        session: Option<&'a str>,
+    },
 }
 
 /// Client of a request, with the server's state.
@@ -30,6 +40,8 @@ pub(super) enum RpcOrigin<'a> {
 struct RpcContext<'a> {
     app: &'a AppState,
     client: &'a ClientIdentity,
+    /// Session of a request that names none in its params.
+    default_session: Option<&'a str>,
 }
 
 /// Returns the response to one request.
@@ -49,13 +61,13 @@ async fn dispatch(app: &AppState, request: &RpcRequest, origin: RpcOrigin<'_>) -
     if request.method == "openenv/session/create" {
         return create_session(app, &request.params, origin).await;
     }
-    let (client, own) = match origin {
-        RpcOrigin::Connection(session) => (session.client().clone(), Some(session)),
-        RpcOrigin::Single(client) => (client.clone(), None),
+    let (client, default_session, own) = match origin {
+        RpcOrigin::Connection(session) => (session.client().clone(), None, Some(session)),
+        RpcOrigin::Single { client, session } => (client.clone(), session, None),
     };
-    let context = RpcContext { app, client: &client };
+    let context = RpcContext { app, client: &client, default_session };
     match request.method.as_str() {
-        "initialize" => Ok(server_info()),
+        "initialize" => Ok(server_info(&request.params)),
         "notifications/initialized" | "ping" => Ok(json!({})),
         "openenv/session/close" => close_session(context, &request.params, own),
         "tools/list" => list_tools(context, &request.params, own).await,
@@ -64,16 +76,22 @@ async fn dispatch(app: &AppState, request: &RpcRequest, origin: RpcOrigin<'_>) -
     }
 }
 
-/// Returns the result of `initialize`, a client's first request.
-fn server_info() -> Value {
+/// Returns the result of `initialize`, a client's first request: the client's version of the protocol if the server knows it,
+/// else the newest.
+fn server_info(params: &Map<String, Value>) -> Value {
+    let requested = params.get("protocolVersion").and_then(Value::as_str);
+    let known = requested.filter(|version| PROTOCOL_VERSIONS.contains(version));
     json!({
-        "protocolVersion": "2025-06-18",
+        "protocolVersion": known.unwrap_or(PROTOCOL_VERSIONS[0]),
         "capabilities": {"tools": {}},
-        "serverInfo": {"name": "sparring", "version": env!("CARGO_PKG_VERSION")},
+        "serverInfo": {"name": "sparring", "title": "Sparring", "version": env!("CARGO_PKG_VERSION")},
+        "instructions": "You operate satellites in a simulation. Read the mission and the state with `telemetry`, act with \
+                         `fire_thrusters`, and let time pass with `hold`, until `done` is true.",
     })
 }
 
-/// Opens a session with an episode; `params` may have the fields of a reset.
+/// Opens a session; `params` may have the fields of a reset, which begins an episode. Without any, the first tool call or a
+/// reset begins it.
 ///
 /// A connection that has a session receives its id. An episode begins in it unless one is running; `params` must then be
 /// empty.
@@ -83,7 +101,7 @@ async fn create_session(
     origin: RpcOrigin<'_>,
 ) -> Result<Value, RpcError> {
     let client = match origin {
-        RpcOrigin::Single(client) => client,
+        RpcOrigin::Single { client, .. } => client,
         RpcOrigin::Connection(own) => {
             let is_running = own.view().is_ok_and(|view| !view.done);
             if is_running && !params.is_empty() {
@@ -98,8 +116,9 @@ async fn create_session(
     let id = uuid::Uuid::new_v4().to_string();
     let key = SessionKey::new(client, id.as_str());
     let session = app.sessions.get_or_open(client, &key).map_err(RpcError::capacity)?;
-    let begun = begin_episode(&mut *session.lock().await, params).await;
-    if let Err(error) = begun {
+    if !params.is_empty()
+        && let Err(error) = begin_episode(&mut *session.lock().await, params).await
+    {
         app.sessions.close(&key);
         return Err(error);
     }
@@ -116,6 +135,7 @@ async fn begin_episode(session: &mut Session, params: &Map<String, Value>) -> Re
     let name = request.episode_id.clone();
     let resolved = request
         .resolve(built_in_task(RESET_ORDER[0]))
+        .await
         .map_err(|error| RpcError::params(&error.to_string()))?;
     session
         .reset(resolved, name)
@@ -125,7 +145,7 @@ async fn begin_episode(session: &mut Session, params: &Map<String, Value>) -> Re
 }
 
 fn close_session(
-    RpcContext { app, client }: RpcContext<'_>,
+    RpcContext { app, client, .. }: RpcContext<'_>,
     params: &Map<String, Value>,
     own: Option<&mut Session>,
 ) -> Result<Value, RpcError> {
@@ -136,10 +156,10 @@ fn close_session(
             "this session belongs to the connection and ends with it; close the connection",
         ));
     }
-    if app.sessions.close(&SessionKey::new(client, name)) {
-        Ok(json!({"session_id": name, "closed": true}))
-    } else {
-        Err(RpcError::no_session(name))
+    match app.sessions.close(&SessionKey::new(client, name)) {
+        CloseOutcome::Closed => Ok(json!({"session_id": name, "closed": true})),
+        CloseOutcome::Closing => Ok(json!({"session_id": name, "closed": false, "closing": true})),
+        CloseOutcome::Unknown => Err(RpcError::no_session(name)),
     }
 }
 
@@ -168,12 +188,19 @@ async fn call_tool(
         Some(Value::Object(arguments)) => arguments.clone(),
         Some(_) => return Err(RpcError::params("'arguments' must be an object")),
     };
-    match (named_session(context, params, own.as_deref())?, own) {
+    let called = match (named_session(context, params, own.as_deref())?, own) {
         (None, Some(own)) => call_in_session(own, name, arguments).await,
         (Some(session), _) => call_in_session(&mut *session.lock().await, name, arguments).await,
         // Without a session, every call would have its own world.
-        (None, None) => Err(RpcError::params("'session_id' is required; openenv/session/create returns one")),
-    }
+        (None, None) => Err(RpcError::params(
+            "'session_id' is required: send the header Mcp-Session-Id of the response to `initialize`, or the session_id that \
+             openenv/session/create returns",
+        )),
+    };
+    // The protocol shows a model the errors of its calls as results. OpenEnv's clients, which name their session in the params,
+    // raise the errors of JSON-RPC.
+    let shows_errors = context.default_session.is_some() && !params.contains_key("session_id");
+    called.or_else(|error| if shows_errors { Ok(tools::error_result(&error)) } else { Err(error) })
 }
 
 /// Calls a tool in a session, and begins an episode if it never had one.
@@ -190,19 +217,18 @@ async fn call_in_session(
 
 /// Returns the session that the request names; `None` if it names none, or the connection's own.
 fn named_session(
-    RpcContext { app, client }: RpcContext<'_>,
+    RpcContext { app, client, default_session }: RpcContext<'_>,
     params: &Map<String, Value>,
     own: Option<&Session>,
 ) -> Result<Option<SharedSession>, RpcError> {
-    match params.get("session_id") {
-        None | Some(Value::Null) => Ok(None),
-        Some(Value::String(name)) if own.is_some_and(|own| own.id() == name) => Ok(None),
-        Some(Value::String(name)) => {
-            let known = app.sessions.get(&SessionKey::new(client, name.as_str()));
-            known.map(Some).ok_or_else(|| RpcError::no_session(name))
-        }
-        Some(other) => Err(RpcError::no_session(&other.to_string())),
-    }
+    let name = match params.get("session_id") {
+        None | Some(Value::Null) => default_session,
+        Some(Value::String(name)) => Some(name.as_str()),
+        Some(other) => return Err(RpcError::no_session(&other.to_string())),
+    };
+    let Some(name) = name.filter(|name| own.is_none_or(|own| own.id() != *name)) else { return Ok(None) };
+    let known = app.sessions.get(&SessionKey::new(client, name));
+    known.map(Some).ok_or_else(|| RpcError::no_session(name))
 }
 
 /// Calls a tool by a step, as openenv-core's `MCPToolClient` does over `/ws`. Returns `None` if the step is an action.

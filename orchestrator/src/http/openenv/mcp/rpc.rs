@@ -43,7 +43,7 @@ impl RpcRequest {
             Some(_) => errors.push("id: must be a string or a number"),
         }
         if !errors.is_empty() {
-            return Err(RpcError::new(-32600, format!("Invalid request: {}", errors.join("; "))));
+            return Err(RpcError::invalid(errors.join("; ")));
         }
         Ok(Self {
             id: fields.get("id").cloned().unwrap_or(Value::Null),
@@ -64,6 +64,11 @@ impl RpcError {
             -32700,
             reason.map_or_else(|| "Parse error".to_owned(), |reason| format!("Parse error: {reason}")),
         )
+    }
+
+    /// Returns the error of a message that is not a valid request.
+    pub(super) fn invalid(reason: impl std::fmt::Display) -> Self {
+        Self::new(-32600, format!("Invalid request: {reason}"))
     }
 
     pub(super) fn no_method(method: &str) -> Self {
@@ -87,6 +92,18 @@ impl RpcError {
     pub(super) fn capacity(full: QuotaExceeded) -> Self {
         let data = json!({"active_sessions": full.active, "max_sessions": full.limit});
         Self { data, ..Self::new(-32000, full.to_string()) }
+    }
+
+    pub(super) fn message(&self) -> &str {
+        &self.message
+    }
+
+    /// Returns the error of a request in a version of the protocol that the server does not speak.
+    pub(super) fn unsupported_version(requested: &str, supported: &[&str]) -> Self {
+        let requested: String = requested.chars().take(60).collect();
+        let message =
+            format!("MCP-Protocol-Version: must be one of {}, got {requested:?}", supported.join(", "));
+        Self { data: json!({"supported": supported, "requested": requested}), ..Self::new(-32022, message) }
     }
 
     /// Returns the error in the format of openenv-core's `ToolError`.

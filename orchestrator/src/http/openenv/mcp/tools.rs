@@ -91,6 +91,11 @@ pub(super) fn result(value: &Value) -> Value {
     })
 }
 
+/// Returns the error of a call as a result.
+pub(super) fn error_result(error: &RpcError) -> Value {
+    json!({"content": [{"type": "text", "text": error.message()}], "isError": true})
+}
+
 async fn act(session: &mut Session, action: &Value) -> Result<Value, RpcError> {
     session.step(action).await.map_err(|error| rpc_error(&error))?;
     telemetry(session)

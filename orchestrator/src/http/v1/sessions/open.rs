@@ -120,14 +120,14 @@ async fn open(
     let (session, text, frame) = if let Some(vector) = vector {
         let settings = session_request::vector_request(vector)?;
         let vector =
-            app.sessions.open_vector(who, settings, session_request::episode_source(request)?).await?;
+            app.sessions.open_vector(who, settings, session_request::episode_source(request).await?).await?;
         let (text, frame) = (
             messages::vector_status_message("opened", &vector, ttl_s, None),
             vector.last_frame().bytes.clone(),
         );
         (ResumableSession::Vector(Box::new(vector)), text, Some(frame))
     } else {
-        let source = session_request::episode_source(request.clone())?;
+        let source = session_request::episode_source(request.clone()).await?;
         let mut session = app.sessions.open(who)?;
         session.reset(source, request.episode_id.clone()).await?;
         let single = SingleSession { session, request, last_reply: None };

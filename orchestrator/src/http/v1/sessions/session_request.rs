@@ -118,6 +118,7 @@ pub(in crate::http) fn session_request(fields: Map<String, Value>) -> Result<Ses
         params: fields.params.unwrap_or_default().into_iter().collect(),
         physics: fields.physics.unwrap_or_default().into_iter().collect(),
         scenario: scenario.transpose()?,
+        suite_scenario: None,
         run: parse_optional_id("run", fields.run)?,
         lease: parse_optional_id("lease_id", fields.lease_id)?,
         group: check_name("group_id", fields.group_id)?,
@@ -127,8 +128,8 @@ pub(in crate::http) fn session_request(fields: Map<String, Value>) -> Result<Ses
 }
 
 /// Resolves a request to the source of its episodes.
-pub(super) fn episode_source(request: SessionRequest) -> Result<EpisodeSource, ErrorMessage> {
-    Ok(request.resolve(built_in_task(DEFAULT_TASK))?)
+pub(super) async fn episode_source(request: SessionRequest) -> Result<EpisodeSource, ErrorMessage> {
+    Ok(request.resolve(built_in_task(DEFAULT_TASK)).await?)
 }
 
 /// Reads the field `vector`: the number of environments and their settings.

@@ -99,7 +99,7 @@ async fn reset(single: &mut SingleSession, mut fields: Map<String, Value>) -> Re
     // A reset without fields repeats the last request.
     let request =
         if fields.is_empty() { single.request.clone() } else { session_request::session_request(fields)? };
-    let source = session_request::episode_source(request.clone())?;
+    let source = session_request::episode_source(request.clone()).await?;
     single.session.reset(source, request.episode_id.clone()).await?;
     single.request = request;
     let reply = Bytes::from(messages::began_message(single, id));
