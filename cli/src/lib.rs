@@ -17,6 +17,7 @@ pub mod demo;
 pub mod fuzzing;
 pub mod judge;
 pub mod man;
+mod mcp;
 mod own_service;
 pub mod policy;
 pub mod report;
@@ -81,6 +82,7 @@ enum Command {
     Design(design::Args),
     Eval(eval::Args),
     Play(play::Args),
+    Mcp(mcp::Args),
     Suite(suite::Args),
     SimulateCurriculum(simulate::Args),
     Replay(replay::Args),
@@ -105,10 +107,11 @@ impl Cli {
 }
 
 impl Command {
-    /// Returns the default log level. The demo and `play` print their own progress, so they log less.
+    /// Returns the default log level. The demo and `play` print their own progress, so they log less, and agents show the logs of
+    /// `mcp`.
     const fn default_log_level(&self) -> &'static str {
         match self {
-            Self::Demo(_) | Self::Runs(_) | Self::Status(_) | Self::Tail(_) => "warn",
+            Self::Demo(_) | Self::Mcp(_) | Self::Runs(_) | Self::Status(_) | Self::Tail(_) => "warn",
             Self::Play(_) => "error",
             _ => "info",
         }
@@ -132,6 +135,7 @@ impl Command {
             Self::Design(args) => design::run(args, own_service::start),
             Self::Eval(args) => eval::run(args),
             Self::Play(args) => play::run(args),
+            Self::Mcp(args) => mcp::run(args),
             Self::Suite(args) => suite::run(args),
             Self::SimulateCurriculum(args) => simulate::run(args),
             Self::Replay(args) => replay::run(args),

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, anyhow};
 use api_types::ProblemDetails;
 use reqwest::header::RETRY_AFTER;
-use reqwest::{Client, Method, Response, StatusCode};
+use reqwest::{Client, Method, RequestBuilder, Response, StatusCode};
 use secrecy::{ExposeSecret, SecretString};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -91,6 +91,26 @@ impl ApiClient {
         self.send(Method::POST, path, Some(body)).await
     }
 
+    /// Sends a POST request once, with a header.
+    ///
+    /// # Errors
+    /// Returns an error if the service cannot be reached, rejects the request, or sends an unexpected body.
+    pub async fn post_with_header<A: DeserializeOwned>(
+        &self,
+        path: &str,
+        header: &str,
+        value: &str,
+        body: &impl Serialize,
+    ) -> anyhow::Result<A> {
+        let request = self.request(&Method::POST, path).header(header, value).json(body);
+        let response = request.send().await.map_err(|error| self.unreachable(error))?;
+        if response.status().is_success() {
+            self.read(path, response).await
+        } else {
+            Err(self.rejected(response).await)
+        }
+    }
+
     /// Sends a POST request without a body.
     ///
     /// # Errors
@@ -129,7 +149,13 @@ impl ApiClient {
         path: &str,
         body: Option<&impl Serialize>,
     ) -> anyhow::Result<A> {
-        let bytes = self.respond(method, path, body).await?.bytes().await;
+        let response = self.respond(method, path, body).await?;
+        self.read(path, response).await
+    }
+
+    /// Reads the body of a response.
+    async fn read<A: DeserializeOwned>(&self, path: &str, response: Response) -> anyhow::Result<A> {
+        let bytes = response.bytes().await;
         let bytes = bytes.with_context(|| format!("the connection to {} broke", self.base))?;
         serde_json::from_slice(&bytes).with_context(|| {
             format!("{}{path}: the response is not that of a Sparring server of this version", self.base)
@@ -146,11 +172,7 @@ impl ApiClient {
     ) -> anyhow::Result<Response> {
         let until = Instant::now() + RETRY_TIMEOUT;
         loop {
-            let mut request =
-                self.client.request(method.clone(), format!("{}{path}", self.base)).timeout(TIMEOUT);
-            if let Some(token) = &self.token {
-                request = request.bearer_auth(token.expose_secret());
-            }
+            let mut request = self.request(&method, path);
             if let Some(body) = body {
                 request = request.json(body);
             }
@@ -166,6 +188,15 @@ impl ApiClient {
                 continue;
             }
             return Err(self.rejected(response).await);
+        }
+    }
+
+    /// Begins a request with the token and the timeout.
+    fn request(&self, method: &Method, path: &str) -> RequestBuilder {
+        let request = self.client.request(method.clone(), format!("{}{path}", self.base)).timeout(TIMEOUT);
+        match &self.token {
+            Some(token) => request.bearer_auth(token.expose_secret()),
+            None => request,
         }
     }
 
