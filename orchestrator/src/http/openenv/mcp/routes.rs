@@ -47,6 +47,7 @@ pub(crate) async fn call_mcp(
 /// End the session of a client of the Model Context Protocol, named by the header `Mcp-Session-Id`.
 #[utoipa::path(
     delete, path = "/mcp", tag = "openenv",
+    params(("Mcp-Session-Id" = String, Header, description = "Id of the session.")),
     responses(
         (status = 204), (status = 400, body = Object, description = "The header is missing."),
         (status = 404, body = Object, description = "The session does not exist.")
