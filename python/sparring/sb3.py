@@ -20,6 +20,7 @@ from gymnasium import spaces
 try:
     from stable_baselines3.common.buffers import RolloutBuffer
     from stable_baselines3.common.callbacks import BaseCallback
+    from stable_baselines3.common.monitor import Monitor
     from stable_baselines3.common.vec_env import VecEnv
 except ImportError as error:
     raise ImportError("sparring.sb3 needs stable-baselines3: pip install 'sparring[sb3]'") from error
@@ -32,7 +33,7 @@ from .vector import VectorEnvironment, make_vec
 def vec_env(num_envs: int, task: str | None = None, *, curriculum: Curriculum | None = None, **environment: Any) -> AgentsVecEnv:
     """Makes environments for Stable-Baselines3 with one row per agent, so that one policy controls all agents.
 
-    Each deputy of docking has its own reward. Each satellite of kessler has the team's reward.
+    Each deputy of docking has its own reward. Each satellite of kessler has the team's reward. `AgentsVecEnv` describes the rows.
 
     Args:
         num_envs: Number of environments; `envs.num_envs` is this times the number of agents.
@@ -53,6 +54,8 @@ def vec_env(num_envs: int, task: str | None = None, *, curriculum: Curriculum | 
 
 def active_only(envs: VecEnv) -> dict[str, Any]:
     """Returns arguments of PPO and A2C that make them learn from active rows only.
+
+    The trajectory of a row ends where its agent leaves: advantages and returns contain no later reward or value.
 
     A loaded model needs them again: `PPO.load(file, env=envs, **active_only(envs))`.
 
@@ -86,9 +89,11 @@ def policy_fn(model: Any, deterministic: bool = True) -> Callable[[npt.NDArray[n
 class AgentsVecEnv(VecEnv):
     """Vector environment with one row per agent of each environment.
 
-    The row of an agent that has left is done in every step until its episode ends, with zero rewards; `active_only` hides
-    such rows from PPO. The info of an environment's first row has `episode`, with the team's return and length, so `VecMonitor`,
-    which sums single rows, is not needed.
+    All rows of an environment are done once, in the last step of its episode, with `terminal_observation` and
+    `TimeLimit.truncated`. Their infos have `episode`, with the team's return and length, as `Monitor` writes it:
+    `evaluate_policy` uses it. A satellite's row has the team's reward in every step, also after the satellite is lost. A
+    deputy's row has the deputy's reward, and zeros once it has left or if the scenario does not have it. `active_only` hides
+    rows without an active agent from PPO and A2C; other algorithms learn from all rows.
     """
 
     def __init__(self, envs: VectorEnvironment) -> None:
@@ -104,10 +109,12 @@ class AgentsVecEnv(VecEnv):
         self.render_mode = envs.render_mode
         super().__init__(envs.num_envs * self.agents, row, envs.agent_action_space)
         self._started = time.time()
-        #: For each row of the last step: True if the learner should use it. False for agents that have left, and for
+        self._has_team_rewards = envs._settings.spec.world.startswith("kessler")
+        #: For each row of the last step: True if the learner should use it. False for agents that had left before, and for
         #: episodes that are not for training.
         self.active = np.zeros(self.num_envs, np.bool_)
-        self._next_active = self.active
+        #: As `active`, for the next step. A row that is active only in the last step has ended its agent's trajectory.
+        self.next_active = self.active
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Sets the seeds of the next reset; environment k gets seed + k, as in `sparring.make_vec`."""
@@ -121,7 +128,7 @@ class AgentsVecEnv(VecEnv):
         observations, _ = self.envs.reset(seed=None if seeds[0] is None else seeds)
         self._reset_seeds()
         self._reset_options()
-        self._next_active = self._active_rows()
+        self.next_active = self._active_rows()
         return self._rows(observations)
 
     def step_async(self, actions: npt.NDArray[Any]) -> None:
@@ -130,33 +137,29 @@ class AgentsVecEnv(VecEnv):
 
     def step_wait(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.bool_], list[dict[str, Any]]]:
         """Runs the step with the actions of `step_async`."""
-        observations, _, _, _, env_infos = self.envs.step(self._actions.reshape(self._joint_shape))
+        observations, team_rewards, _, _, env_infos = self.envs.step(self._actions.reshape(self._joint_shape))
         results = self.envs.agent_results()
-        terminated, truncated = results.terminations.reshape(-1), results.truncations.reshape(-1)
+        rewards = results.rewards.reshape(-1)
+        if self._has_team_rewards:
+            rewards = np.repeat(team_rewards.astype(np.float32), self.agents)
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        dones = terminated | truncated
+        dones = np.zeros(self.num_envs, np.bool_)
         if "_episode" in env_infos:
-            self._end_episodes(env_infos, dones, truncated & ~terminated, infos)
-        self.active, self._next_active = self._next_active, self._active_rows()
-        return self._rows(observations), results.rewards.reshape(-1), dones, infos
+            dones = np.repeat(env_infos["_episode"], self.agents)
+            self._end_episodes(env_infos, results.truncations & ~results.terminations, infos)
+        self.active, self.next_active = self.next_active, self._active_rows()
+        return self._rows(observations), rewards, dones, infos
 
-    def _end_episodes(
-        self,
-        env_infos: dict[str, Any],
-        dones: npt.NDArray[np.bool_],
-        cut_off: npt.NDArray[np.bool_],
-        infos: list[dict[str, Any]],
-    ) -> None:
+    def _end_episodes(self, env_infos: dict[str, Any], cut_off: npt.NDArray[np.bool_], infos: list[dict[str, Any]]) -> None:
         elapsed = round(time.time() - self._started, 6)
         episode = env_infos["episode"]
         for env in np.flatnonzero(env_infos["_episode"]):
-            first = env * self.agents
-            infos[first]["episode"] = {"r": float(episode["r"][env]), "l": int(episode["l"][env]), "t": elapsed}
             final = env_infos["final_obs"][env]
             for agent in range(self.agents):
-                infos[first + agent]["terminal_observation"] = final[agent]
-                infos[first + agent]["TimeLimit.truncated"] = bool(cut_off[first + agent])
-            dones[first : first + self.agents] = True
+                info = infos[env * self.agents + agent]
+                info["episode"] = {"r": float(episode["r"][env]), "l": int(episode["l"][env]), "t": elapsed}
+                info["terminal_observation"] = final[agent]
+                info["TimeLimit.truncated"] = bool(cut_off[env, agent])
 
     def _rows(self, observations: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         return observations.reshape(self.num_envs, -1)
@@ -190,8 +193,8 @@ class AgentsVecEnv(VecEnv):
         return [result for _ in self._get_indices(indices)]
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """Returns False for each index."""
-        return [False for _ in self._get_indices(indices)]
+        """Returns True for `Monitor`, since the infos have `episode`, and False for other wrappers; once per index."""
+        return [wrapper_class is Monitor for _ in self._get_indices(indices)]
 
 
 class _Activity:
@@ -203,12 +206,15 @@ class _Activity:
     def __reduce__(self) -> tuple[Any, ...]:
         return _Activity, ()
 
-    def rows(self) -> npt.NDArray[np.bool_] | bool:
-        return True if self._envs is None else self._envs.active
+    def rows(self) -> npt.NDArray[np.bool_]:
+        return np.ones(1, np.bool_) if self._envs is None else self._envs.active
+
+    def next_rows(self) -> npt.NDArray[np.bool_]:
+        return np.ones(1, np.bool_) if self._envs is None else self._envs.next_active
 
 
 class ActiveRolloutBuffer(RolloutBuffer):
-    """Rollout buffer that samples only rows that were active."""
+    """Rollout buffer that samples only rows that were active, and ends a row's trajectory before an inactive step."""
 
     def __init__(self, *args: Any, activity: _Activity, **settings: Any) -> None:
         self._activity = activity
@@ -220,10 +226,24 @@ class ActiveRolloutBuffer(RolloutBuffer):
         self.active = np.zeros((self.buffer_size, self.n_envs), np.bool_)
         super().reset()
 
-    def add(self, *args: Any, **row: Any) -> None:
+    def add(
+        self,
+        obs: npt.NDArray[Any],
+        action: npt.NDArray[Any],
+        reward: npt.NDArray[Any],
+        episode_start: npt.NDArray[Any],
+        value: Any,
+        log_prob: Any,
+    ) -> None:
         """Adds a step of all rows."""
-        self.active[self.pos] = self._activity.rows()
-        super().add(*args, **row)
+        active = self._activity.rows()
+        self.active[self.pos] = active
+        # The advantage of a step includes the next step unless an episode starts there.
+        super().add(obs, action, reward, np.logical_or(episode_start, ~active), value, log_prob)
+
+    def compute_returns_and_advantage(self, last_values: Any, dones: npt.NDArray[np.bool_]) -> None:
+        """Computes returns and advantages of the rollout."""
+        super().compute_returns_and_advantage(last_values, np.logical_or(dones, ~self._activity.next_rows()))
 
     def get(self, batch_size: int | None = None) -> Any:
         """Yields minibatches of active rows; skips minibatches without any."""

@@ -41,13 +41,51 @@ def test_only_active_rows_are_learned_from():
     buffer, envs = model.rollout_buffer, envs.envs
     active = buffer.active
     assert 0.3 < active.mean() < 1.0, "some agents left, but not all at once"
-    # An inactive row has no reward until its episode ends.
-    assert (buffer.rewards[~active] == 0).all()
     sampled = sum(len(batch.observations) for batch in buffer.get(64))
     assert sampled == active.sum()
     inactive = np.flatnonzero(buffer.swap_and_flatten(active[..., None]).reshape(-1) == 0)
     inactive_rows = {row.tobytes() for row in buffer.observations[inactive]}
     assert not any(row.numpy().tobytes() in inactive_rows for batch in buffer.get(64) for row in batch.observations)
+
+
+@pytest.mark.parametrize("steps_after", [0, 20], ids=["last step", "earlier step"])
+def test_advantages_end_where_an_agent_leaves(steps_after):
+    envs = sparring.sb3.vec_env(4, "kessler/survival", level=9)
+    hold = np.zeros((envs.num_envs, 2), np.float32)
+    envs.seed(2)
+    envs.reset()
+    steps = 0
+    while envs.next_active.all():
+        envs.step(hold)
+        steps += 1
+    steps += steps_after
+    envs.seed(2)
+    envs.reset()
+    settings = {"gamma": 0.9, "gae_lambda": 0.8, **sparring.sb3.active_only(envs)["rollout_buffer_kwargs"]}
+    buffer = sparring.sb3.ActiveRolloutBuffer(
+        steps, envs.observation_space, envs.action_space, "cpu", n_envs=envs.num_envs, **settings
+    )
+    buffer.reset()
+    values = np.random.default_rng(1).normal(size=(steps + 1, envs.num_envs)).astype(np.float32)
+    dones, ends = np.ones(envs.num_envs, bool), np.zeros((steps, envs.num_envs), bool)
+    for step in range(steps):
+        starts = dones
+        rows, rewards, dones, _ = envs.step(hold)
+        buffer.add(rows, hold, rewards, starts, torch.from_numpy(values[step]), torch.zeros(envs.num_envs))
+        results = envs.envs.agent_results()
+        ends[step] = dones | (results.terminations | results.truncations).reshape(-1)
+    buffer.compute_returns_and_advantage(torch.from_numpy(values[-1]), dones)
+    assert (ends[steps - 1 - steps_after] & ~dones).any(), "no agent left before its episode ended"
+    for step, row in np.argwhere(buffer.active):
+        advantage, factor = 0.0, 1.0
+        for later in range(step, steps):
+            next_value = 0.0 if ends[later, row] else values[later + 1, row]
+            advantage += factor * (buffer.rewards[later, row] + 0.9 * next_value - values[later, row])
+            factor *= 0.9 * 0.8
+            if ends[later, row]:
+                break
+        assert buffer.advantages[step, row] == pytest.approx(advantage, abs=1e-5)
+        assert buffer.returns[step, row] == pytest.approx(advantage + values[step, row], abs=1e-5)
 
 
 def test_rollout_without_active_rows_changes_no_weight():
@@ -104,31 +142,30 @@ def test_rows_equal_those_of_the_environments(actions):
     rows = envs.reset()
     observations, _ = single.reset(seed=5)
     assert (rows.reshape(observations.shape) == observations).all()
-    ended = left = 0
-    before = np.zeros(9, bool)
+    ended = lost = 0
     for step in range(120):
         rng = np.random.default_rng(step)
         continuous = actions == "continuous"
         joint = rng.uniform(-1, 1, (9, 2)).astype(np.float32) if continuous else rng.integers(0, 17, (9,))
         rows, rewards, dones, infos = envs.step(joint)
-        observations, *_, env_infos = single.step(joint.reshape(single.action_space.shape))
-        expected, terminated, truncated = single.agent_results()
+        observations, team_rewards, *_, env_infos = single.step(joint.reshape(single.action_space.shape))
+        _, terminated, truncated = single.agent_results()
         assert (rows.reshape(observations.shape) == observations).all()
-        assert (rewards.reshape(expected.shape) == expected).all()
+        # A lost satellite's row has the team's reward, and is done with the others.
+        assert (rewards.reshape(3, 3) == team_rewards[:, None]).all()
         over = env_infos.get("_episode", np.zeros(3, bool))
-        assert (dones.reshape(3, 3) == (terminated | truncated | over[:, None])).all()
+        assert (dones.reshape(3, 3) == over[:, None]).all()
         for env in np.flatnonzero(over):
             ended += 1
-            assert infos[3 * env]["episode"]["r"] == env_infos["episode"]["r"][env]
-            assert infos[3 * env]["episode"]["l"] == env_infos["episode"]["l"][env]
             for agent in range(3):
                 info = infos[3 * env + agent]
+                assert info["episode"]["r"] == env_infos["episode"]["r"][env]
+                assert info["episode"]["l"] == env_infos["episode"]["l"][env]
                 assert (info["terminal_observation"] == env_infos["final_obs"][env][agent]).all()
                 assert info["TimeLimit.truncated"] == bool(truncated[env, agent] and not terminated[env, agent])
-        left += int((dones & ~before & ~np.repeat(over, 3)).sum())
-        before = dones & ~np.repeat(over, 3)
+        lost += int(terminated[~over].sum())
     assert ended > 3
-    assert left > 0, "no agent left before the others"
+    assert lost > 0, "no satellite was lost before its episode ended"
     envs.close()
     single.close()
 
