@@ -120,7 +120,10 @@ def before_add_examples(context, examples):
     """Adds bodies and queries that refer to existing resources, which random generation would not find."""
     for label, path, given in resources["examples"]:
         if label == context.operation.label:
-            given = {"query": given} if label.startswith(("GET ", "DELETE ")) else {} if given is None else {"body": given, "media_type": JSON_TYPE}
+            if label == "DELETE /mcp":
+                given = {"headers": given}
+            else:
+                given = {"query": given} if label.startswith(("GET ", "DELETE ")) else {} if given is None else {"body": given, "media_type": JSON_TYPE}
             examples.append(context.operation.Case(path_parameters=path, **given))
 
 
@@ -196,6 +199,8 @@ def create_resources(url):
     evaluations = [request_json(url, "POST", "/v1/evaluations", {"policy": policy})["id"] for policy in ("hold", "heuristic")]
     for evaluation in evaluations:
         wait_for("evaluation", lambda: request_json(url, "GET", f"/v1/evaluations/{evaluation}")["state"] == "complete")
+    session = request_json(url, "POST", "/mcp", {"jsonrpc": "2.0", "id": 1, "method": "openenv/session/create"})["result"]["session_id"]
+    split = {"split": request_json(url, "GET", "/sparring/splits")[0]["name"]}
     given_up = request_json(url, "POST", "/v1/evaluations", {"policy": "mine", "run": "real"})["id"]
     group, left = leases[0]["groups"][1], {"run": "real", "lease": columns[1]["lease"]}
     actions = {"steps": [[[0, 0.1, 0.0]]] + [[]] * 49}
@@ -211,6 +216,11 @@ def create_resources(url):
             ("DELETE /v1/runs/{run}", {"run": "unwanted"}, {"name": "unwanted"}),
             ("POST /v1/archive", {}, {"runs": ["finished"]}),
             ("POST /step", {}, {"burns": []}),
+            ("POST /sparring/tasks", {}, split),
+            ("POST /sparring/num_tasks", {}, split),
+            ("POST /sparring/task", {}, {**split, "index": 0}),
+            ("POST /sparring/task_range", {}, {**split, "start": 0, "stop": 2}),
+            ("DELETE /mcp", {}, {"Mcp-Session-Id": session}),
             ("POST /v1/scenarios", {}, {"scenario": scenario}),
             ("POST /v1/scenarios", {}, {"scenario": scenario, "actions": actions, "telemetry": True}),
             ("POST /v1/runs/{run}/leases", {"run": "real"}, {"groups": 1}),
