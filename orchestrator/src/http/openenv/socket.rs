@@ -78,13 +78,40 @@ async fn serve(mut socket: WebSocket, app: AppState, client: ClientIdentity, att
             return close(socket).await;
         }
     };
-    let mut closing = app.sessions.close_signal(&client);
+    let end = run_session(&mut socket, &app, &client, connected.session()).await;
+    // Before the client learns of the end, so that its next request finds the session closed and the place free.
+    drop(connected);
+    match end {
+        SessionEnd::Close => close(socket).await,
+        SessionEnd::FrameTooLarge => close_for_size(socket).await,
+        SessionEnd::Gone => {}
+    }
+}
+
+/// Way in which a connection ends.
+enum SessionEnd {
+    /// The server closes the connection.
+    Close,
+    /// The server closes the connection because of a frame beyond the size limit.
+    FrameTooLarge,
+    /// The client is gone.
+    Gone,
+}
+
+/// Answers the frames of a connection until its end.
+async fn run_session(
+    socket: &mut WebSocket,
+    app: &AppState,
+    client: &ClientIdentity,
+    session: &SharedSession,
+) -> SessionEnd {
+    let mut closing = app.sessions.close_signal(client);
     let (mut capacity, mut early) = (INITIAL_CAPACITY, None);
     loop {
         let received = match closing.reason().map(Received::Stop).or_else(|| early.take()) {
             Some(received) => received,
             None => tokio::select! {
-                received = receive(&mut socket, app.sessions.limits().idle_timeout) => received,
+                received = receive(socket, app.sessions.limits().idle_timeout) => received,
                 reason = closing.closed() => Received::Stop(reason),
             },
         };
@@ -92,10 +119,10 @@ async fn serve(mut socket: WebSocket, app: AppState, client: ClientIdentity, att
         let mut frame = Vec::with_capacity(capacity);
         match received {
             Received::Text(text) => {
-                let work = respond(&app, connected.session(), &text, &mut frame);
-                match run_while_connected(&mut socket, &mut early, work).await {
-                    None => return,
-                    Some(ControlFlow::Break(())) => return close(socket).await,
+                let work = respond(app, session, &text, &mut frame);
+                match run_while_connected(socket, &mut early, work).await {
+                    None => return SessionEnd::Gone,
+                    Some(ControlFlow::Break(())) => return SessionEnd::Close,
                     Some(ControlFlow::Continue(())) => {}
                 }
             }
@@ -107,24 +134,23 @@ async fn serve(mut socket: WebSocket, app: AppState, client: ClientIdentity, att
             Received::Idle => {
                 let words = "the session ended after its idle timeout";
                 let _ =
-                    send_text(&mut socket, error_frame("SESSION_TIMEOUT", words).to_string().into_bytes())
-                        .await;
-                return close(socket).await;
+                    send_text(socket, error_frame("SESSION_TIMEOUT", words).to_string().into_bytes()).await;
+                return SessionEnd::Close;
             }
             Received::Stop(reason) => {
                 let _ = send_text(
-                    &mut socket,
+                    socket,
                     error_frame("SESSION_ERROR", reason.message()).to_string().into_bytes(),
                 )
                 .await;
-                return close(socket).await;
+                return SessionEnd::Close;
             }
-            Received::TooLarge => return close_for_size(socket).await,
-            Received::Left | Received::Gone => return,
+            Received::TooLarge => return SessionEnd::FrameTooLarge,
+            Received::Left | Received::Gone => return SessionEnd::Gone,
         }
         capacity = frame.len() + frame.len() / 8 + 64; // observations grow a little from step to step
-        if send_text(&mut socket, frame).await.is_err() {
-            return;
+        if send_text(socket, frame).await.is_err() {
+            return SessionEnd::Gone;
         }
     }
 }

@@ -2,6 +2,7 @@
 
 mod captured_exchanges;
 mod judge;
+mod recorded_exchanges;
 mod run_sessions;
 mod sessions;
 pub(crate) mod socket;

@@ -113,8 +113,15 @@ async fn serve(mut socket: WebSocket, app: AppState, client: ClientIdentity) {
                 &Value::Null,
                 &RpcError::parse_error(Some("binary frames are not supported; send text")),
             ),
-            Received::Idle | Received::Stop(_) => return socket::close(socket).await,
-            Received::TooLarge => return socket::close_for_size(socket).await,
+            // The place is free before the client learns of the end.
+            Received::Idle | Received::Stop(_) => {
+                drop(session);
+                return socket::close(socket).await;
+            }
+            Received::TooLarge => {
+                drop(session);
+                return socket::close_for_size(socket).await;
+            }
             Received::Left | Received::Gone => return,
         };
         if socket::send_text(&mut socket, response.to_string().into_bytes()).await.is_err() {
