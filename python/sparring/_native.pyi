@@ -254,6 +254,12 @@ def rollout(scenario: NativeScenario, policy: str, seed: SupportsIndex) -> "tupl
     Runs a built-in policy on a scenario to the end; returns the outcome as JSON, and the actions.
     """
 
+def server_version_problem(version: str) -> str | None:
+    """
+    Returns the reason why a client of this version does not work with a server; None if it does. `version` is the header
+    `sparring-version` of the server.
+    """
+
 def task_info(task: str) -> str:
     """
     Describes a task as JSON: params, options, levels, actions, policies.

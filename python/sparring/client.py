@@ -35,6 +35,8 @@ STREAM_TIMEOUT = httpx.Timeout(30.0, read=60.0)
 BUSY_STATUSES = (429, 503)
 #: Statuses of a proxy, or of a server that fails.
 FAILURE_STATUSES = (408, 500, 502, 504)
+#: Header with the version of the server.
+VERSION_HEADER = "sparring-version"
 #: Prefix of the server's own problem types. Except for `TIMED_OUT`, such a response means that the server changed nothing.
 PROBLEM_PREFIX = "urn:sparring:problem:"
 #: Problem type of a request that the server gave up: the client cannot know whether it was executed.
@@ -139,7 +141,14 @@ class _RetryPolicy:
         return delay if time.monotonic() + delay < self._deadline else None
 
     def after_response(self, response: httpx.Response) -> float | None:
-        """Returns the seconds to wait before a retry; None if the response is final."""
+        """Returns the seconds to wait before a retry; None if the response is final.
+
+        Raises:
+            ApiError: The version of the server does not work with this package.
+        """
+        version = response.headers.get(VERSION_HEADER)
+        if version is not None and (problem := _native.server_version_problem(version)):
+            raise ApiError(response.status_code, {"detail": problem})
         header = response.headers.get("Retry-After", "")
         if response.status_code in BUSY_STATUSES and (self._is_repeatable or _changed_nothing(response)):
             return self._delay(float(header) if header.isdigit() else None)

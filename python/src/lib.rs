@@ -24,7 +24,9 @@ mod _native {
     #[pymodule_export]
     use super::batch::NativeBatch;
     #[pymodule_export]
-    use super::curriculum::{CurriculumError, NativeCurriculum, NativeHttpClient, is_loopback};
+    use super::curriculum::{
+        CurriculumError, NativeCurriculum, NativeHttpClient, is_loopback, server_version_problem,
+    };
     #[pymodule_export]
     use super::scenario::{NativeScenario, bracket, critique, replay, rollout};
     #[pymodule_export]

@@ -285,3 +285,12 @@ def test_error_response_is_raised_at_once(fake_server, after):
     fake_server.responses = [(500, {"Retry-After": after}, problem("internal"))]
     with pytest.raises(sparring.CurriculumError, match="GET /v1/runs: 500: it is internal"):
         sparring._native.NativeHttpClient(fake_server.url).request("GET", "/v1/runs")
+
+
+def test_server_of_another_version_is_named(fake_server):
+    fake_server.responses = [(200, {"sparring-version": "99.1.0"}, b"{}")]
+    sentence = "the server has version 99.1.0 and this client .*; install the same version of both"
+    with sparring.Client(fake_server.url) as client, pytest.raises(sparring.ApiError, match=sentence):
+        client.runs.list()
+    with pytest.raises(sparring.CurriculumError, match=sentence):
+        sparring.Curriculum(fake_server.url, run="any")

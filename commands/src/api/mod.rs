@@ -10,7 +10,7 @@ mod run_list;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
-use api_types::ProblemDetails;
+use api_types::{ProblemDetails, VERSION_HEADER, check_server_version};
 use reqwest::header::RETRY_AFTER;
 use reqwest::{Client, Method, RequestBuilder, Response, StatusCode};
 use secrecy::{ExposeSecret, SecretString};
@@ -103,7 +103,7 @@ impl ApiClient {
         body: &impl Serialize,
     ) -> anyhow::Result<A> {
         let request = self.request(&Method::POST, path).header(header, value).json(body);
-        let response = request.send().await.map_err(|error| self.unreachable(error))?;
+        let response = self.received(request.send().await)?;
         if response.status().is_success() {
             self.read(path, response).await
         } else {
@@ -176,7 +176,7 @@ impl ApiClient {
             if let Some(body) = body {
                 request = request.json(body);
             }
-            let response = request.send().await.map_err(|error| self.unreachable(error))?;
+            let response = self.received(request.send().await)?;
             let status = response.status();
             if status.is_success() {
                 return Ok(response);
@@ -209,8 +209,18 @@ impl ApiClient {
         if let Some(id) = last_id {
             request = request.header("last-event-id", id);
         }
-        let response = request.send().await.map_err(|error| self.unreachable(error))?;
+        let response = self.received(request.send().await)?;
         if response.status().is_success() { Ok(response) } else { Err(self.rejected(response).await) }
+    }
+
+    /// Returns a response of a server whose version works with this one.
+    fn received(&self, response: reqwest::Result<Response>) -> anyhow::Result<Response> {
+        let response = response.map_err(|error| self.unreachable(error))?;
+        if let Some(version) = response.headers().get(VERSION_HEADER) {
+            check_server_version(&String::from_utf8_lossy(version.as_bytes()))
+                .map_err(|reason| anyhow!("{}: {reason}", self.base))?;
+        }
+        Ok(response)
     }
 
     fn unreachable(&self, error: reqwest::Error) -> anyhow::Error {

@@ -37,6 +37,7 @@ mod v1;
 
 use std::sync::Arc;
 
+use api_types::{VERSION, VERSION_HEADER};
 use axum::Router;
 use axum::extract::{Request, State};
 use axum::http::{HeaderName, HeaderValue, Method, StatusCode, Version, header};
@@ -145,7 +146,7 @@ pub fn router(app: AppState, access_control: Arc<AccessControl>, surface: ApiSur
         .layer(axum::middleware::from_fn(limit_request))
         .layer(axum::middleware::from_fn(request_head::check_host))
         .layer(axum::middleware::from_fn(content_negotiation::convert_response))
-        .layer(axum::middleware::from_fn(add_security_headers))
+        .layer(axum::middleware::from_fn(add_common_headers))
         .layer(axum::middleware::from_fn(metrics::record_requests))
         .layer(PropagateRequestIdLayer::x_request_id())
         .layer(TraceLayer::new_for_http().make_span_with(request_span).on_failure(()))
@@ -189,9 +190,9 @@ async fn report_outage(State(writer): State<Writer>, request: Request, next: Nex
     response
 }
 
-/// Adds the security headers: no content sniffing, framing, referrers, foreign resources, or caching of `/v1`. Proxies must
+/// Adds the version of the server and the security headers: no content sniffing, framing, referrers, foreign resources, or caching of `/v1`. Proxies must
 /// neither buffer nor compress event streams, since both delay events.
-async fn add_security_headers(request: Request, next: Next) -> Response {
+async fn add_common_headers(request: Request, next: Next) -> Response {
     let path = request.uri().path();
     let policy = if path.starts_with("/docs") {
         "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; frame-ancestors 'none'"
@@ -203,6 +204,7 @@ async fn add_security_headers(request: Request, next: Next) -> Response {
     let headers = response.headers_mut();
     headers.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
     headers.insert(header::REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
+    headers.insert(HeaderName::from_static(VERSION_HEADER), HeaderValue::from_static(VERSION));
     // The dashboard sets a policy of its own.
     headers.entry(header::CONTENT_SECURITY_POLICY).or_insert(HeaderValue::from_static(policy));
     let content_type = headers.get(header::CONTENT_TYPE).map(HeaderValue::as_bytes);

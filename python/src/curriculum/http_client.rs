@@ -4,6 +4,7 @@ use std::net::IpAddr;
 use std::path::Path;
 use std::time::Duration;
 
+use api_types::{VERSION_HEADER, check_server_version};
 use serde_json::Value;
 use ureq::Agent;
 use ureq::http::{Method, Request, Uri};
@@ -159,6 +160,11 @@ fn read_response(
     };
     let mut response = response.map_err(no_response)?;
     let status = response.status().as_u16();
+    // A server without the header is no server of this project, or a proxy answers for it.
+    if let Some(version) = response.headers().get(VERSION_HEADER) {
+        check_server_version(&String::from_utf8_lossy(version.as_bytes()))
+            .map_err(|message| RequestError::Rejected { status, field: None, kind: None, message })?;
+    }
     let header = response.headers().get("retry-after");
     let retry_after = header.and_then(|value| value.to_str().ok()?.parse::<u64>().ok());
     let text = response.body_mut().with_config().limit(MAX_RESPONSE_BYTES).read_to_string();

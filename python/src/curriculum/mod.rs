@@ -19,4 +19,4 @@ pub(crate) use self::client::CurriculumClient;
 pub(crate) use self::error::{CurriculumError, WaitError};
 pub(crate) use self::lease::LeasedEpisode;
 pub(crate) use self::native::NativeCurriculum;
-pub(crate) use self::native_http::{NativeHttpClient, is_loopback};
+pub(crate) use self::native_http::{NativeHttpClient, is_loopback, server_version_problem};

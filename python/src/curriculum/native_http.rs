@@ -11,6 +11,7 @@ use ureq::http::Method;
 use super::error::{curriculum_error, deadline};
 use super::http_client::{HttpClient, RequestError, TIMED_OUT, is_loopback_url};
 use crate::errors::{invalid, rejected};
+use api_types::check_server_version;
 
 /// Interval at which a waiting thread lets Python handle signals.
 const REQUEST_POLL_INTERVAL: Duration = Duration::from_millis(100);
@@ -19,6 +20,13 @@ const REQUEST_POLL_INTERVAL: Duration = Duration::from_millis(100);
 #[pyfunction]
 pub(crate) fn is_loopback(url: &str) -> bool {
     is_loopback_url(url)
+}
+
+/// Returns the reason why a client of this version does not work with a server; None if it does. `version` is the header
+/// `sparring-version` of the server.
+#[pyfunction]
+pub(crate) fn server_version_problem(version: &str) -> Option<String> {
+    check_server_version(version).err()
 }
 
 /// HTTP client for single requests to a server.

@@ -1,5 +1,6 @@
 //! `sparring runs`, `status` and `tail`: against a server, against the server of a database, and against the database alone.
 
+use std::io::{Read, Write};
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
@@ -241,4 +242,21 @@ fn server_with_tokens_needs_one() {
         .output();
     assert_eq!(output_text(&out.unwrap()).trim(), "mine");
     assert_eq!(server.terminate(), Some(0));
+}
+
+/// A client of another version says so, instead of failing at a field that it does not know.
+#[test]
+fn server_of_another_version_is_named() {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let url = format!("http://{}", listener.local_addr().unwrap());
+    let server = std::thread::spawn(move || {
+        let (mut connection, _) = listener.accept().unwrap();
+        let _ = connection.read(&mut [0; 4096]).unwrap();
+        let head = "HTTP/1.1 200 OK\r\nsparring-version: 99.1.0\r\ncontent-length: 2\r\n\r\n{}";
+        connection.write_all(head.as_bytes()).unwrap();
+    });
+    let sentence = error(&mut sparring(&["runs", "list", "--url", &url]));
+    server.join().unwrap();
+    let expected = format!("{url}: the server has version 99.1.0 and this client 0.1.0; install the same version of both");
+    assert!(sentence.replace("\n  ", " ").contains(&expected), "{sentence}");
 }
