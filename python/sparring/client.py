@@ -35,8 +35,6 @@ STREAM_TIMEOUT = httpx.Timeout(30.0, read=60.0)
 BUSY_STATUSES = (429, 503)
 #: Statuses of a proxy, or of a server that fails.
 FAILURE_STATUSES = (408, 500, 502, 504)
-#: Header with the version of the server.
-VERSION_HEADER = "sparring-version"
 #: Prefix of the server's own problem types. Except for `TIMED_OUT`, such a response means that the server changed nothing.
 PROBLEM_PREFIX = "urn:sparring:problem:"
 #: Problem type of a request that the server gave up: the client cannot know whether it was executed.
@@ -146,7 +144,7 @@ class _RetryPolicy:
         Raises:
             ApiError: The version of the server does not work with this package.
         """
-        version = response.headers.get(VERSION_HEADER)
+        version = response.headers.get("sparring-version")
         if version is not None and (problem := _native.server_version_problem(version)):
             raise ApiError(response.status_code, {"detail": problem})
         header = response.headers.get("Retry-After", "")
