@@ -96,12 +96,15 @@ class ParallelEnvironment(ParallelEnv):
 
         Returns:
             Observations, rewards, terminations, truncations and infos by agent. Each info has the episode's `score` so far
-            and `alerts`, messages about the step.
+            and `alerts`, messages about the step. All are empty after the end of an episode if there are no actions, as wrappers
+            such as SuperSuit's `black_death_v3` expect.
 
         Raises:
             ValueError: An action is invalid or its agent is unknown; nothing changes then.
-            gymnasium.error.ResetNeeded: There is no agent.
+            gymnasium.error.ResetNeeded: There is no agent, and no episode has begun or there are actions.
         """
+        if not self.agents and not actions and self._native.episode(0) is not None:
+            return {}, {}, {}, {}, {}
         if not self.agents:
             raise ResetNeeded("no episode is running: call reset() first")
         observation, *_, ended = self._native.step(self._joint_action(actions))

@@ -2,6 +2,7 @@
 
 import copy
 
+import gymnasium
 import numpy as np
 import pytest
 from conftest import bitwise_equal, short_episode_params
@@ -94,3 +95,36 @@ def test_infos_have_scenario_and_alerts():
     assert {info["scenario"] for info in infos.values()} == {env.scenario}
     *_, infos = env.step({"satellite_1": np.array([1.0, 0.0])})
     assert [info["alerts"] for info in infos.values()] == [["Sat 1 failed burn: Insufficient fuel."]] * 3
+
+
+def test_black_death_ends_with_the_same_return(task):
+    supersuit = pytest.importorskip("supersuit")
+    plain = sparring.parallel_env(task, params=short_episode_params(task))
+    wrapped = supersuit.black_death_v3(sparring.parallel_env(task, params=short_episode_params(task)))
+    for seed in range(3):
+        returns, lengths = [], []
+        for env in (plain, wrapped):
+            env.reset(seed=seed)
+            total, length = dict.fromkeys(env.possible_agents, 0.0), 0
+            while env.agents:
+                hold = {agent: np.zeros_like(env.action_space(agent).low) for agent in env.agents}
+                _, rewards, *_ = env.step(hold)
+                for agent, reward in rewards.items():
+                    total[agent] += reward
+                length += 1
+            returns.append(total)
+            lengths.append(length)
+        assert returns[0] == returns[1]
+        assert lengths[1] - lengths[0] in (0, 1)
+
+
+def test_step_without_episode_is_rejected(task):
+    env = sparring.parallel_env(task, params=short_episode_params(task))
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.step({})
+    env.reset(seed=1)
+    while env.agents:
+        env.step({})
+    assert env.step({}) == ({}, {}, {}, {}, {})
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.step({env.possible_agents[0]: np.zeros_like(env.action_space(env.possible_agents[0]).low)})
