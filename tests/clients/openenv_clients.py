@@ -1,8 +1,8 @@
-"""Runs openenv-core's own clients against a server: openenv_clients.py URL
+"""Runs the clients of openenv-core 0.3.0 or openenv 0.10 against a server: openenv_clients.py URL
 
 Prints one line for each check and fails at the first difference.
 """
-import asyncio, json, pathlib, re, shutil, subprocess, sys, urllib.request
+import asyncio, importlib.util, json, pathlib, re, shutil, subprocess, sys, urllib.request
 
 from openenv.core.generic_client import GenericEnvClient
 from openenv.core.mcp_client import MCPToolClient
@@ -70,9 +70,10 @@ async def run_mcp_client():
 
 
 def run_validator():
-    report = subprocess.run(
-        [sys.executable, "-m", "openenv.cli", "validate", "--url", URL], capture_output=True, text=True
-    )
+    command = [sys.executable, "-m", "openenv.cli", "validate", "--url", URL]
+    if importlib.util.find_spec("openenv.validation"):  # openenv 0.10 prints text by default
+        command.append("--json")
+    report = subprocess.run(command, capture_output=True, text=True)
     result = json.loads(report.stdout)
     assert report.returncode == 0 and result["passed"], report.stdout + report.stderr
     failed = [criterion for criterion in result["criteria"] if not criterion["passed"]]

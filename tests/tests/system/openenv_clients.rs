@@ -37,6 +37,13 @@ async fn openenv_core_clients_run_unmodified() {
 }
 
 #[tokio::test]
+async fn openenv_0_10_runs_what_openenv_core_runs() {
+    if let Some(lines) = run_clients("openenv-0.10-venv", "openenv_clients.py").await {
+        assert_eq!(lines.lines().count(), 6, "{lines}");
+    }
+}
+
+#[tokio::test]
 async fn openenv_0_10_clients_run_unmodified() {
     if let Some(lines) = run_clients("openenv-0.10-venv", "openenv_0_10_clients.py").await {
         assert_eq!(lines.lines().count(), 5, "{lines}");
