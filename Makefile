@@ -9,7 +9,7 @@ BUILD_TESTS := SQLX_OFFLINE=true cargo build --workspace --locked --tests --lib 
 # Builds packages, and meanwhile the dashboard, which the next build includes. Without Node it is not built, and its page says so.
 build_with_dashboard = if node -e '$(NODE_CHECK)' 2>/dev/null; then $(MAKE) --no-print-directory dashboard; fi & dashboard=$$!; \
 	cargo build --locked $(1) && wait $$dashboard && cargo build --locked $(1) || { kill $$dashboard 2>/dev/null; exit 1; }
-.PHONY: help demo venv dashboard wheel test test-prerequisites test-clients test-python test-browser test-trainers test-heavy test-llm test-otlp fuzz bench bench-peers bench-python soak dist fmt lint deny sqlx check-style check-cargo check-clippy check-python check-node
+.PHONY: help demo venv dashboard wheel test test-prerequisites test-clients test-python test-browser test-trainers test-heavy test-llm test-otlp fuzz bench bench-peers bench-python soak dist fmt lint deny sqlx check-style check-cargo check-clippy check-python check-node update-check
 
 help: ## List the targets
 	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -101,6 +101,9 @@ bench: check-cargo ## Run the benchmarks: measured value, goal and ratio (on an 
 soak: check-cargo ## Kill a server under load for two hours (MINUTES=120), then measure 10 000 runs, 2 000 slow clients and 10 GiB
 	cargo build --release --locked -p cli -p bench
 	cargo run --release --locked -p bench -- crash runs slow-clients large-database --minutes $(or $(MINUTES),120)
+
+update-check: check-cargo check-node ## List newer versions of the pinned Python packages, crates and npm packages
+	scripts/update-check
 
 bench-peers: check-cargo check-python ## Compare the speed with openenv-core's server and the public environment (KESSLER_ENV=PATH)
 	scripts/openenv-venv
