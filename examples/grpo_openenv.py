@@ -1,6 +1,6 @@
 """GRPO with TRL and OpenEnv's client: episodes run on the server, and the trainer steps them over a WebSocket of OpenEnv.
 
-    pip install trl torch peft openenv-core     # tested with TRL 1.16, transformers 5.23, openenv-core 0.3.0
+    pip install trl torch peft openenv     # tested with TRL 1.16, transformers 5.24, openenv 0.10.0
     sparring serve &
     python examples/grpo_openenv.py --model Qwen/Qwen3-0.6B --steps 100
 
