@@ -119,7 +119,7 @@ impl Command {
 
     /// Returns true if the subcommand handles Ctrl-C itself, because it has something to finish.
     const fn handles_ctrl_c(&self) -> bool {
-        matches!(self, Self::Serve(_) | Self::Demo(_) | Self::Play(_) | Self::Db(_))
+        matches!(self, Self::Serve(_) | Self::Demo(_) | Self::Play(_) | Self::Mcp(_) | Self::Db(_))
     }
 
     fn run(&self, file: &ConfigFile) -> anyhow::Result<ExitCode> {

@@ -11,6 +11,7 @@ use serde_json::{Map, Value, json};
 use tokio::sync::mpsc;
 
 use super::api::{ApiClient, CaArgs};
+use super::interrupt::StopSignal;
 use super::names;
 
 /// Path of the protocol.
@@ -23,15 +24,16 @@ const MAX_READ_AHEAD: usize = 16;
 /// Serve the tools of an episode to an agent over stdin and stdout (Model Context Protocol).
 ///
 /// Agents for desktops start this program as an MCP server. The agent reads the telemetry, fires thrusters and lets time pass
-/// until the episode is over; the process has one episode. Without --url the episode runs in this process; with --url it runs
-/// on a server, and with --run it belongs to the curriculum of a run, which receives the outcome.
+/// until the episode is over; the process has one episode, which ends with the input, Ctrl-C or SIGTERM. Without --url the
+/// episode runs in this process; with --url it runs on a server, and with --run it belongs to the curriculum of a run, which
+/// receives the outcome.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "\
 Example of an agent's configuration:
   {\"mcpServers\": {\"sparring\": {
     \"command\": \"sparring\", \"args\": [\"mcp\", \"--task\", \"rendezvous\"]}}}")]
 pub struct Args {
-    /// Base URL of a running server, such as http://127.0.0.1:8700; SPARRING_TOKEN has the token [default: start one]
+    /// Base URL of a running server, such as http://127.0.0.1:8700; SPARRING_TOKEN has the token [default: run the episode here]
     #[arg(long, value_name = "URL")]
     pub url: Option<String>,
     /// File of certificate authorities for an https URL.
@@ -43,7 +45,7 @@ pub struct Args {
     /// Seed of the scenario, from 0 to 2^51 − 1 [default: random]
     #[arg(long, value_name = "SEED", value_parser = parse_seed)]
     seed: Option<u64>,
-    /// Run whose curriculum proposes the scenario and receives the outcome; it excludes --task and --seed
+    /// Run of the server at --url whose curriculum proposes the scenario and receives the outcome; it excludes --task and --seed
     #[arg(long, value_name = "RUN", requires = "url", conflicts_with_all = ["task", "seed"])]
     run: Option<String>,
 }
@@ -69,7 +71,7 @@ impl Args {
     }
 }
 
-/// Answers the messages of stdin on stdout until the end of the input.
+/// Answers the messages of stdin on stdout until the end of the input, Ctrl-C or SIGTERM.
 ///
 /// # Errors
 /// Returns an error if the server cannot be reached or rejects the episode, or if stdout cannot be written.
@@ -83,8 +85,14 @@ pub async fn serve(args: &Args, api: &ApiClient) -> anyhow::Result<()> {
             }
         }
     });
+    let mut stop_signal = StopSignal::install()?;
     let session = open_session(args, api).await?;
-    while let Some(line) = received.recv().await {
+    loop {
+        let line = tokio::select! {
+            line = received.recv() => line,
+            signal = stop_signal.received() => signal.map(|_| None)?,
+        };
+        let Some(line) = line else { break };
         let Some(answer) = answer(api, &session, &line).await else { continue };
         let mut out = std::io::stdout().lock();
         serde_json::to_writer(&mut out, &answer)?;

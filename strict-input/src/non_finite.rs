@@ -25,6 +25,10 @@ pub fn non_finite_literals(text: &[u8]) -> impl Iterator<Item = NonFiniteLiteral
     JsonTokens::new(text).filter_map(move |token| {
         content.add(&token);
         let JsonToken::Literal(range) = token else { return None };
+        // Before a colon it would be a key, which is malformed.
+        if text[range.end..].iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b':') {
+            return None;
+        }
         let literal = str::from_utf8(&text[range.clone()]).ok().filter(|literal| is_not_finite(literal))?;
         Some(NonFiniteLiteral { range, text: literal.to_owned(), value: content.values() })
     })
@@ -88,9 +92,21 @@ mod tests {
 
     #[test]
     fn finite_numbers_and_malformed_text_are_not_found() {
-        for text in
-            ["1e308", "-0", "inf", "nan", "-NaN", "+1e999", "01e999", ".5e999", "1.e999", "1e999x", "\"1e999"]
-        {
+        for text in [
+            "1e308",
+            "-0",
+            "inf",
+            "nan",
+            "-NaN",
+            "+1e999",
+            "01e999",
+            ".5e999",
+            "1.e999",
+            "1e999x",
+            "\"1e999",
+            "{NaN : 1}",
+            "{1e999:\"x\"}",
+        ] {
             assert!(found(text).is_empty(), "{text}");
         }
     }

@@ -11,7 +11,7 @@ use serde_json::{Map, Number, Value, map::Entry};
 use super::FieldError;
 use super::input_error::{ContentKind, InputError, InputLimits};
 use super::json_content::JsonContent;
-use super::non_finite::{BlankedText, NonFiniteLiteral};
+use super::non_finite::{BlankedText, NonFiniteLiteral, non_finite_literals};
 
 /// Maximum nesting of MessagePack; serde_json has the same bound for JSON.
 const MAX_DEPTH: usize = 128;
@@ -35,12 +35,17 @@ pub fn parse_json(bytes: &[u8], limits: InputLimits) -> Result<ParsedInput, Inpu
     };
     // serde_json rejects the whole text for such a number and does not name its field.
     let Some(BlankedText { text, literals }) = BlankedText::new(bytes, MAX_NON_FINITE) else {
-        return Err(InputError::Malformed(error));
+        let is_too_many = non_finite_literals(bytes).nth(MAX_NON_FINITE).is_some();
+        return Err(InputError::Malformed(if is_too_many { too_many_non_finite() } else { error }));
     };
     let count = literals.len();
     let parsed = parse_json_text(&text, limits, literals)?;
     // The rest is in place of a key.
     if parsed.non_finite.len() == count { Ok(parsed) } else { Err(InputError::Malformed(error)) }
+}
+
+fn too_many_non_finite() -> String {
+    format!("it has more than {MAX_NON_FINITE} numbers that are not finite")
 }
 
 /// Parses a text in which empty strings stand for `literals`.
@@ -162,7 +167,7 @@ impl ParserState {
     fn reject_non_finite<E: de::Error>(&self, number: &str) -> Result<Value, E> {
         let mut non_finite = self.non_finite.borrow_mut();
         if non_finite.len() == MAX_NON_FINITE {
-            return Err(E::custom(format!("it has more than {MAX_NON_FINITE} numbers that are not finite")));
+            return Err(E::custom(too_many_non_finite()));
         }
         non_finite.push(FieldError::not_finite(number));
         self.non_finite_count.set(non_finite.len());

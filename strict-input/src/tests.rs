@@ -227,7 +227,17 @@ mod packed {
             assert_eq!(parsed.unwrap().non_finite.len(), 10_000);
         }
         for parsed in list(10_001) {
-            assert!(matches!(parsed, Err(InputError::Malformed(_))), "{parsed:?}");
+            let Err(InputError::Malformed(reason)) = parsed else { panic!("{parsed:?}") };
+            assert!(reason.starts_with("it has more than 10000 numbers that are not finite"), "{reason}");
+        }
+    }
+
+    #[test]
+    fn keys_that_are_no_strings_are_malformed() {
+        for text in
+            [r#"{1e999: "x"}"#, r#"{NaN :1}"#, r#"{"a": "x", 1e999: "y", "b": NaN}"#, r#"[NaN, {NaN: ""}]"#]
+        {
+            assert!(matches!(parse_json(text.as_bytes(), LIMITS), Err(InputError::Malformed(_))), "{text}");
         }
     }
 

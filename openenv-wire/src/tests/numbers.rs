@@ -95,7 +95,7 @@ fn python_extensions_become_strings() {
         ["nan", "-NaN", "+Infinity", "{NaN:1}", "[NaN", "NaNNaN", "1e400x", "\"NaN", "[\"\\", "é NaN", ""]
     {
         let read = parse_python_json(text);
-        assert!(read.is_err() || text.starts_with("{NaN"), "{text}: {read:?}");
+        assert!(read.is_err(), "{text}: {read:?}");
     }
 }
 

@@ -1,6 +1,8 @@
 //! Decompression of request bodies with `Content-Encoding: gzip`.
 
 use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use async_compression::tokio::bufread::GzipDecoder;
 use axum::body::Body;
@@ -9,10 +11,11 @@ use axum::http::{HeaderMap, header};
 use axum::middleware::Next;
 use axum::response::Response;
 use env_core::text::shorten;
-use futures_util::TryStreamExt;
+use futures_util::{StreamExt, TryStreamExt};
 use tokio_util::io::{ReaderStream, StreamReader};
 
 use super::problem::MAX_REPEATED_CHARS;
+use crate::limits::constants::MAX_GZIP_OVERHEAD;
 
 /// Decompresses the body of a request while it is read. The size of a body is limited after it.
 pub(super) async fn decompress(mut request: Request, next: Next) -> Response {
@@ -26,12 +29,25 @@ pub(super) async fn decompress(mut request: Request, next: Next) -> Response {
 }
 
 /// Returns the content of a gzip body. The body may have several members (RFC 1952, section 2.2); other bytes after a member
-/// are an error.
+/// are an error. So are more than [`MAX_GZIP_OVERHEAD`] bytes beyond the length of the content: empty members and long headers
+/// cost time and have no content.
 fn decompressed(body: Body) -> Body {
-    let reader = StreamReader::new(body.into_data_stream().map_err(io::Error::other));
-    let mut decoder = GzipDecoder::new(reader);
+    let produced = Arc::new(AtomicUsize::new(0));
+    let (counted, mut received) = (Arc::clone(&produced), 0);
+    let compressed = body.into_data_stream().map(move |part| {
+        let part = part.map_err(io::Error::other)?;
+        received += part.len();
+        if received > counted.load(Ordering::Relaxed).saturating_add(MAX_GZIP_OVERHEAD) {
+            return Err(io::Error::other("the compressed body is longer than its content"));
+        }
+        Ok(part)
+    });
+    let mut decoder = GzipDecoder::new(StreamReader::new(compressed));
     decoder.multiple_members(true);
-    Body::from_stream(ReaderStream::new(decoder))
+    let content = ReaderStream::new(decoder).inspect_ok(move |part| {
+        produced.fetch_add(part.len(), Ordering::Relaxed);
+    });
+    Body::from_stream(content)
 }
 
 /// Rejects a body in an encoding that the server does not decode, which would otherwise fail as JSON that cannot be parsed.

@@ -201,7 +201,7 @@ fn body_problem(error: &axum::Error, class: BodyClass) -> Problem {
     if source.is_some_and(|source| source.is::<http_body_util::LengthLimitError>()) {
         Problem::body_too_large(class.max_bytes())
     } else {
-        let detail = "The body could not be read to its end; send all of it, as its headers describe it.";
+        let detail = "The body could not be read to its end; send all of it, as its headers describe it, and valid gzip if that is its encoding.";
         Problem::new(StatusCode::BAD_REQUEST, "unreadable_body", detail)
     }
 }

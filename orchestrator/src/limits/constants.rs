@@ -19,6 +19,8 @@ pub const MAX_OPENENV_BODY_BYTES: usize = 1024 * 1024;
 pub const MAX_SMALL_BODY_BYTES: u64 = 1 << 20;
 /// Maximum number of large request bodies that are parsed and replayed at the same time. Each may need a few hundred MiB.
 pub const MAX_LARGE_BODIES: usize = 3;
+/// Largest number of bytes by which a gzip body may exceed its content; a body of random bytes exceeds it by far less.
+pub const MAX_GZIP_OVERHEAD: usize = 1 << 20;
 /// Time in which a request body must arrive. A slow large body keeps other large bodies waiting.
 pub const BODY_TIMEOUT: Duration = Duration::from_secs(20);
 /// Maximum duration of a request.

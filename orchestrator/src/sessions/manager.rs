@@ -99,9 +99,10 @@ impl SessionManager {
         self.limits
     }
 
-    /// Returns the number of open sessions.
+    /// Returns the number of open sessions. Idle ones are closed first.
     #[must_use]
     pub fn active(&self) -> usize {
+        self.close_idle();
         self.quota.in_use()
     }
 

@@ -158,6 +158,12 @@ impl AttachedSession {
     pub const fn session(&self) -> &SharedSession {
         &self.session
     }
+
+    /// Returns true if a request used the session within a time.
+    #[must_use]
+    pub fn was_used_within(&self, time: Duration) -> bool {
+        self.named.0.lock().get(&self.key).is_some_and(|entry| entry.last_used.elapsed() < time)
+    }
 }
 
 impl Drop for AttachedSession {

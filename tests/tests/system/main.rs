@@ -25,6 +25,7 @@ mod integer_bounds;
 mod kills;
 mod lease_purposes;
 mod leases;
+mod mcp_command;
 mod network;
 mod openenv;
 mod openenv_clients;

@@ -257,6 +257,8 @@ fn server_of_another_version_is_named() {
     });
     let sentence = error(&mut sparring(&["runs", "list", "--url", &url]));
     server.join().unwrap();
-    let expected = format!("{url}: the server has version 99.1.0 and this client 0.1.0; install the same version of both");
+    let expected = format!(
+        "{url}: the server has version 99.1.0 and this client 0.1.0; install the same version of both"
+    );
     assert!(sentence.replace("\n  ", " ").contains(&expected), "{sentence}");
 }

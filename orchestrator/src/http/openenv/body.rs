@@ -60,8 +60,12 @@ pub(super) async fn read_body(request: Request) -> Result<Vec<u8>, ErrorResponse
     let read = async {
         let (mut bytes, mut body) = (Vec::new(), request.into_body().into_data_stream());
         while let Some(part) = body.next().await {
-            let cut_off =
-                |_| ErrorResponse::new(StatusCode::BAD_REQUEST, "The body could not be read to its end.");
+            let cut_off = |_| {
+                ErrorResponse::new(
+                    StatusCode::BAD_REQUEST,
+                    "The body could not be read to its end; if its encoding is gzip, it must be valid.",
+                )
+            };
             bytes.extend_from_slice(&part.map_err(cut_off)?);
             if bytes.len() > MAX_OPENENV_BODY_BYTES {
                 return Err(too_large());

@@ -3,6 +3,7 @@
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
+use std::time::Duration;
 
 use axum::extract::State;
 use axum::extract::ws::{WebSocket, WebSocketUpgrade};
@@ -62,6 +63,11 @@ impl ConnectedSession {
         }
     }
 
+    /// Returns true if a request over HTTP used the session within a time.
+    fn was_used_within(&self, time: Duration) -> bool {
+        matches!(self, Self::Attached(attached) if attached.was_used_within(time))
+    }
+
     const fn session(&self) -> &SharedSession {
         match self {
             Self::Own(session) => session,
@@ -78,7 +84,7 @@ async fn serve(mut socket: WebSocket, app: AppState, client: ClientIdentity, att
             return close(socket).await;
         }
     };
-    let end = run_session(&mut socket, &app, &client, connected.session()).await;
+    let end = run_session(&mut socket, &app, &client, &connected).await;
     // Before the client learns of the end, so that its next request finds the session closed and the place free.
     drop(connected);
     match end {
@@ -103,15 +109,16 @@ async fn run_session(
     socket: &mut WebSocket,
     app: &AppState,
     client: &ClientIdentity,
-    session: &SharedSession,
+    connected: &ConnectedSession,
 ) -> SessionEnd {
+    let idle_timeout = app.sessions.limits().idle_timeout;
     let mut closing = app.sessions.close_signal(client);
     let (mut capacity, mut early) = (INITIAL_CAPACITY, None);
     loop {
         let received = match closing.reason().map(Received::Stop).or_else(|| early.take()) {
             Some(received) => received,
             None => tokio::select! {
-                received = receive(socket, app.sessions.limits().idle_timeout) => received,
+                received = receive(socket, idle_timeout) => received,
                 reason = closing.closed() => Received::Stop(reason),
             },
         };
@@ -119,7 +126,7 @@ async fn run_session(
         let mut frame = Vec::with_capacity(capacity);
         match received {
             Received::Text(text) => {
-                let work = respond(app, session, &text, &mut frame);
+                let work = respond(app, connected.session(), &text, &mut frame);
                 match run_while_connected(socket, &mut early, work).await {
                     None => return SessionEnd::Gone,
                     Some(ControlFlow::Break(())) => return SessionEnd::Close,
@@ -131,6 +138,10 @@ async fn run_session(
                     .to_string()
                     .bytes(),
             ),
+            // Requests over HTTP use the session, so that the connection only waits.
+            Received::Idle if idle_timeout.is_some_and(|timeout| connected.was_used_within(timeout)) => {
+                continue;
+            }
             Received::Idle => {
                 let words = "the session ended after its idle timeout";
                 let _ =

@@ -366,3 +366,26 @@ async fn mcp_connection_runs_several_episodes() {
     assert_eq!(recreated["result"]["session_id"], session.as_str());
     assert_eq!(call("tools/call", hold).await["result"]["data"]["done"], true);
 }
+
+/// Two attached connections that called tools in each other's session waited for each other.
+#[tokio::test]
+async fn connection_uses_only_its_own_session() {
+    let server = Server::start().await;
+    let api = server.api();
+    let create = json!({"jsonrpc": "2.0", "id": 1, "method": "openenv/session/create"});
+    let mut ids = Vec::new();
+    for _ in 0..2 {
+        let created = api.post("/mcp", create.clone()).await.expect(200);
+        ids.push(created["result"]["session_id"].as_str().unwrap().to_owned());
+    }
+    let call = |session: &str| {
+        let params = json!({"name": "telemetry", "session_id": session});
+        json!({"type": "mcp", "data": {"jsonrpc": "2.0", "id": 2, "method": "tools/call", "params": params}})
+    };
+    let mut socket = OpenEnvSocket::connect(&api, &format!("/ws?session_id={}", ids[0])).await;
+    let own = socket.request(&call(&ids[0])).await;
+    assert!(own["data"]["result"].is_object(), "{own}");
+    let other = socket.request(&call(&ids[1])).await;
+    let reason = other["data"]["error"]["message"].as_str().unwrap();
+    assert!(reason.contains(&format!("the connection has the session {}", ids[0])), "{other}");
+}

@@ -151,12 +151,10 @@ fn close_session(
 ) -> Result<Value, RpcError> {
     let name = params.get("session_id").and_then(Value::as_str);
     let name = name.ok_or_else(|| RpcError::params("'session_id' is required"))?;
-    if own.is_some_and(|own| own.id() == name) {
-        return Err(RpcError::params(
-            "this session belongs to the connection and ends with it; close the connection",
-        ));
-    }
     match app.sessions.close(&SessionKey::new(client, name)) {
+        CloseOutcome::Unknown if own.is_some_and(|own| own.id() == name) => Err(RpcError::params(
+            "this session belongs to the connection and ends with it; close the connection",
+        )),
         CloseOutcome::Closed => Ok(json!({"session_id": name, "closed": true})),
         CloseOutcome::Closing => Ok(json!({"session_id": name, "closed": false, "closing": true})),
         CloseOutcome::Unknown => Err(RpcError::no_session(name)),
@@ -227,6 +225,12 @@ fn named_session(
         Some(other) => return Err(RpcError::no_session(&other.to_string())),
     };
     let Some(name) = name.filter(|name| own.is_none_or(|own| own.id() != *name)) else { return Ok(None) };
+    // Two connections that use each other's sessions would wait for each other.
+    if let Some(own) = own {
+        let message =
+            format!("session_id: the connection has the session {}; leave the parameter out", own.id());
+        return Err(RpcError::params(&message));
+    }
     let known = app.sessions.get(&SessionKey::new(client, name));
     known.map(Some).ok_or_else(|| RpcError::no_session(name))
 }

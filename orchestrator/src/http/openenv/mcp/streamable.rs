@@ -10,8 +10,8 @@ use serde_json::Value;
 use uuid::Uuid;
 
 use super::super::simulation::SESSION_HEADER;
-use super::rpc::{self, RpcError};
-use super::{PROTOCOL_VERSIONS, RpcOrigin};
+use super::rpc::{self, RpcError, RpcRequest};
+use super::{PROTOCOL_VERSIONS, RpcOrigin, tools};
 use crate::http::state::AppState;
 use crate::limits::QuotaExceeded;
 use crate::sessions::{ClientIdentity, MAX_NAME_CHARS, SessionKey};
@@ -40,14 +40,17 @@ pub(super) async fn answer(
             rpc::error_response(message.get("id").unwrap_or(&Value::Null), &RpcError::no_session(name));
         return (StatusCode::NOT_FOUND, axum::Json(body)).into_response();
     }
-    if expects_no_answer(&message) {
+    if expects_no_answer(&message, named.is_some()) {
         return StatusCode::ACCEPTED.into_response();
     }
+    let is_in_session = named.is_some();
     match message.get("method").and_then(Value::as_str) {
-        Some("initialize") if named.is_none() => initialize(&app, &client, headers, &message).await,
-        method => {
+        Some("initialize") if named.is_none() && message.get("id").is_some() => {
+            initialize(&app, &client, headers, &message).await
+        }
+        _ => {
             let session = match named
-                .map_or_else(|| openenv_session(&app, &client, headers, method), |name| Ok(Some(name)))
+                .map_or_else(|| openenv_session(&app, &client, headers, &message), |name| Ok(Some(name)))
             {
                 Ok(session) => session,
                 Err(full) => {
@@ -58,7 +61,12 @@ pub(super) async fn answer(
             let accepts_events = accepts_events(headers);
             let response = async move {
                 let origin = RpcOrigin::Single { client: &client, session: session.as_deref() };
-                super::respond(&app, &message, origin).await
+                let mut response = super::respond(&app, &message, origin).await;
+                // OpenEnv's server answers invalid requests without their id; a client of the protocol would wait for ever.
+                if is_in_session && matches!(message["id"], Value::String(_) | Value::Number(_)) {
+                    response["id"] = message["id"].clone();
+                }
+                response
             };
             if accepts_events { event_stream(response) } else { axum::Json(response.await).into_response() }
         }
@@ -117,12 +125,12 @@ fn openenv_session(
     app: &AppState,
     client: &ClientIdentity,
     headers: &HeaderMap,
-    method: Option<&str>,
+    message: &Value,
 ) -> Result<Option<String>, QuotaExceeded> {
     let name = headers.get(SESSION_HEADER).and_then(|name| name.to_str().ok());
     let Some(name) = name.filter(|name| (1..=MAX_NAME_CHARS).contains(&name.len())) else { return Ok(None) };
     let key = SessionKey::new(client, name);
-    if method == Some("tools/call") {
+    if is_valid_call(message) {
         app.sessions.get_or_open(client, &key)?;
         return Ok(Some(name.to_owned()));
     }
@@ -137,10 +145,21 @@ fn unknown_version(headers: &HeaderMap) -> Option<RpcError> {
     (!is_known).then(|| RpcError::unsupported_version(&requested, &PROTOCOL_VERSIONS))
 }
 
-/// Returns true for a notification, and for a client's response to a request of the server.
-fn expects_no_answer(message: &Value) -> bool {
+/// Returns true for a call of a tool that exists, in the session that a header names.
+fn is_valid_call(message: &Value) -> bool {
+    RpcRequest::parse(message).is_ok_and(|request| {
+        let tool = request.params.get("name").and_then(Value::as_str);
+        request.method == "tools/call"
+            && !request.params.contains_key("session_id")
+            && tool.is_some_and(|tool| tools::NAMES.contains(&tool))
+    })
+}
+
+/// Returns true for a notification, and for a client's response to a request of the server. OpenEnv's server answers requests
+/// without an id; in a session of the protocol they are notifications.
+fn expects_no_answer(message: &Value, is_in_session: bool) -> bool {
     let method = message.get("method").and_then(Value::as_str);
-    let is_notification = method.is_some_and(|method| method.starts_with("notifications/"));
+    let is_notification = method.is_some_and(|method| is_in_session || method.starts_with("notifications/"));
     let is_response = method.is_none() && (message.get("result").is_some() || message.get("error").is_some());
     (is_notification && message.get("id").is_none()) || is_response
 }
@@ -149,7 +168,9 @@ fn expects_no_answer(message: &Value) -> bool {
 fn accepts_events(headers: &HeaderMap) -> bool {
     let values = headers.get_all(header::ACCEPT).into_iter().filter_map(|value| value.to_str().ok());
     values.flat_map(|value| value.split(',')).any(|range| {
-        let essence = range.split(';').next().unwrap_or_default().trim();
-        essence.eq_ignore_ascii_case("text/event-stream")
+        let mut parts = range.split(';').map(str::trim);
+        let is_stream = parts.next().is_some_and(|essence| essence.eq_ignore_ascii_case("text/event-stream"));
+        let weight = parts.find_map(|part| part.strip_prefix("q=")?.parse::<f32>().ok());
+        is_stream && weight != Some(0.0)
     })
 }

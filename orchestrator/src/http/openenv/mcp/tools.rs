@@ -10,6 +10,8 @@ use super::super::tasks::{RESET_ORDER, built_in_task};
 use super::rpc::RpcError;
 use crate::sessions::{Session, SessionError};
 
+/// Names of all tools.
+pub(super) const NAMES: [&str; 4] = ["fire_thrusters", "hold", "telemetry", "conjunctions"];
 /// Maximum number of steps that one call of `hold` waits.
 const MAX_HOLD_STEPS: u64 = 1000;
 

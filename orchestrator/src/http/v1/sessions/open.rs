@@ -52,8 +52,8 @@ struct ResumeFields {
 
 /// Parses a message and its common fields.
 pub(in crate::http) fn parse_message(text: &str) -> Result<ClientMessage, (Option<u64>, ErrorMessage)> {
-    let parsed = parse_json(text.as_bytes(), ORDINARY_INPUT_LIMITS).and_then(ParsedInput::finite);
-    let message = parsed.map_err(|error| match error {
+    let parsed = parse_json(text.as_bytes(), ORDINARY_INPUT_LIMITS);
+    let ParsedInput { value: message, non_finite } = parsed.map_err(|error| match error {
         InputError::Field(fault) => (None, fault.into()),
         InputError::TooLarge(why) => (None, ErrorMessage::invalid("message", why)),
         InputError::Malformed(why) => {
@@ -68,6 +68,9 @@ pub(in crate::http) fn parse_message(text: &str) -> Result<ClientMessage, (Optio
         return Err((None, ErrorMessage::invalid("message", "must be an object")));
     };
     let id = fields.get("id").and_then(Value::as_u64);
+    if let Some(fault) = non_finite.into_iter().next() {
+        return Err((id, fault.into()));
+    }
     match fields.remove("type") {
         Some(Value::String(kind)) => Ok(ClientMessage { kind, id, fields }),
         Some(_) => Err((id, ErrorMessage::invalid("type", "must be a string"))),
