@@ -84,7 +84,7 @@ test-trainers: check-cargo check-clippy check-python ## Test training with Stabl
 	cd python && SPARRING_BINARY="$(CURDIR)/target/debug/sparring" PYTHONPATH=. OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 \
 		../target/sb3-venv/bin/pytest -o addopts= -o filterwarnings=default -p no:cacheprovider --durations=5 tests/trainers
 
-test-heavy: check-cargo check-clippy check-python ## Test RLlib, TRL and the notebook with small models (downloads about 7 GB; run by hand)
+test-heavy: check-cargo check-clippy check-python ## Test RLlib, TRL, loggers and the notebook with small models (downloads about 7 GB; run by hand)
 	scripts/python-venv
 	scripts/heavy-venv
 	$(BUILD_TESTS)

@@ -25,8 +25,9 @@ try:
 except ImportError as error:
     raise ImportError("sparring.sb3 needs stable-baselines3: pip install 'sparring[sb3]'") from error
 
-from .curriculum import Curriculum, CurriculumError
+from .curriculum import Curriculum
 from .errors import invalid
+from .metrics import read_metrics
 from .vector import VectorEnvironment, make_vec
 
 
@@ -289,12 +290,8 @@ class CurriculumCallback(BaseCallback):
     def _on_rollout_end(self) -> None:
         self._rollouts += 1
         if self._rollouts % self.every == 1 or self.every == 1:
-            try:
-                metrics = self.curriculum.metrics()
-            except CurriculumError:
-                return  # an unreachable server does not end the training
-            for name, value in metrics.items():
-                self.logger.record(f"curriculum/{name}", value)
+            for name, value in read_metrics(self.curriculum).items():
+                self.logger.record(name, value)
 
     def _on_rollout_start(self) -> None:
         # The policy has learned from the last rollout.

@@ -26,6 +26,18 @@ def remote_curriculum(db=None, **arguments):
     return owner, sparring.Curriculum(owner.url, owner.run, **arguments)
 
 
+class RecordedMetrics:
+    """Source of the metrics of a curriculum that keeps the last ones, which change while episodes run."""
+
+    def __init__(self, curriculum):
+        self._curriculum = curriculum
+        self.last = {}
+
+    def metrics(self):
+        self.last = self._curriculum.metrics()
+        return self.last
+
+
 def kill_server(owner):
     """Kills the server of a curriculum and waits for its end."""
     owner._server._process.kill()

@@ -11,6 +11,7 @@ from typing import Any
 
 import sparring
 
+from ..metrics import read_metrics
 from . import ppo
 
 
@@ -107,20 +108,14 @@ class _TrainingLog:
         if len(self._rows) % 10 != 1 and steps < self._config.steps:
             return
         if self._writer:
-            for name, value in {**metrics, **self._curriculum_metrics()}.items():
+            curriculum_metrics = read_metrics(self._curriculum) if self._curriculum else {}
+            for name, value in {**metrics, **curriculum_metrics}.items():
                 self._writer.add_scalar(name, value, steps)
         print(
             f"{steps:>10,} steps  return {metrics.get('return', float('nan')):7.3f}  "
             f"{metrics['steps_per_s']:>9,.0f} env-steps/s with learning ({metrics['rollout_steps_per_s']:,.0f} without)",
             flush=True,
         )
-
-    def _curriculum_metrics(self) -> dict[str, float]:
-        try:
-            metrics = self._curriculum.metrics() if self._curriculum else {}
-        except sparring.CurriculumError:
-            return {}  # an unreachable server does not end the training
-        return {f"curriculum/{name}": value for name, value in metrics.items()}
 
     def close(self) -> None:
         """Saves the policy and the metrics, also after an error or an interrupt."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 from typing import Any
 
@@ -11,11 +10,10 @@ try:
 except ImportError as error:
     raise ImportError("sparring.trl needs TRL: pip install 'sparring[trl]'") from error
 
-from ..curriculum import Curriculum, CurriculumError
+from ..curriculum import Curriculum
 from ..errors import invalid
+from ..metrics import read_metrics
 from .factory import EnvironmentFactory
-
-logger = logging.getLogger(__name__)
 
 
 class CurriculumCallback(TrainerCallback):
@@ -61,12 +59,7 @@ class CurriculumCallback(TrainerCallback):
         """Adds the metrics to the logs."""
         if not state.is_world_process_zero or logs is None:
             return
-        try:
-            metrics = {f"curriculum/{name}": value for name, value in self.source.metrics().items()}
-        except CurriculumError as error:
-            # An unreachable server does not end the training.
-            logger.warning("cannot read the metrics of the curriculum: %s", error)
-            return
+        metrics = read_metrics(self.source)
         logs.update(metrics)
         if state.log_history:
             state.log_history[-1].update(metrics)
