@@ -102,7 +102,7 @@ STEPS = [
     send("first", {"type": "state"}), receive("first"),
     send("first", {"type": "step", "data": {"burns": [{"satellite_id": 0, "delta_vx": 0.1}]}}), receive("first"),
     attach("second", "{session}"), receive("second"), receive("second"),
-    attach("unknown", "nobody"), receive("unknown"), receive("unknown"),
+    attach("unknown", "no-such-session"), receive("unknown"), receive("unknown"),
     {"do": "close", "socket": "first"},
     attach("third", "{session}"),
     send("third", {"type": "state"}), receive("third"),

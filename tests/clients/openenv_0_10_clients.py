@@ -44,8 +44,8 @@ async def share_one_session():
         refusal = frame_of_attachment(session)
         assert refusal["data"]["message"] == f"Session {session} already has an attached WebSocket", refusal
     assert metric("sparring_sessions") == 0, "the closed client frees its place"
-    unknown = frame_of_attachment("nobody")
-    assert unknown == {"type": "error", "data": {"message": "Unknown session_id: nobody", "code": "SESSION_ERROR"}}, unknown
+    unknown = frame_of_attachment("no-such-session")
+    assert unknown == {"type": "error", "data": {"message": "Unknown session_id: no-such-session", "code": "SESSION_ERROR"}}, unknown
     print("MCPToolClient: resets and tools share one session, which takes one place")
 
 

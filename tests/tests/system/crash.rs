@@ -48,7 +48,7 @@ async fn crash(db: &Path, kills: u32, compacts: bool, faults: bool) -> CrashRepo
 async fn kills_during_compaction_lose_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let db = folder.path().join("survivor.sqlite3");
-    let report = crash(&db, 8, true, false).await;
+    let report = crash(&db, 12, true, false).await;
     let mut conn = SqliteConnectOptions::new().filename(&db).read_only(true).connect().await.unwrap();
     // A further server compacts what the killed ones had no time for.
     let _server = ServerProcess::start(&db);
@@ -65,16 +65,16 @@ async fn kills_with_tls_and_faults_of_disk_and_lock_lose_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("data");
     std::fs::create_dir(&data).unwrap();
-    let report = crash(&data.join("survivor.sqlite3"), 12, true, true).await;
-    assert!(report.kills >= 12 && report.vectors > 4, "{report}");
+    let report = crash(&data.join("survivor.sqlite3"), 16, true, true).await;
+    assert!(report.kills >= 16 && report.vectors > 4, "{report}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn acknowledged_results_survive_kills_and_count_once() {
     let folder = tempfile::tempdir().unwrap();
     let db = folder.path().join("survivor.sqlite3");
-    let report = crash(&db, 16, false, false).await;
-    assert!(report.kills >= 16 && report.stops >= 3 && report.unreachable > 15, "{report}");
+    let report = crash(&db, 22, false, false).await;
+    assert!(report.kills >= 20 && report.stops >= 3 && report.unreachable > 20, "{report}");
     assert_eq!(
         report.by_interface.keys().copied().collect::<Vec<_>>(),
         ["columns", "results", "steps", "trajectories"]
