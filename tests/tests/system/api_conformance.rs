@@ -8,7 +8,7 @@ use std::process::Command;
 use system_tests::sparring_binary;
 
 /// Random cases for each operation, besides those that cover its bounds. `SPARRING_SCHEMATHESIS` overrides the number.
-const DEFAULT_EXAMPLES: &str = "3";
+const DEFAULT_EXAMPLES: &str = "6";
 
 #[test]
 fn every_response_is_documented() {
