@@ -5,6 +5,7 @@ Prints one line for each check and fails at the first difference.
 import asyncio, json, sys, urllib.error, urllib.request
 
 from mcp import Client, StdioServerParameters
+from server_metrics import read_gauge
 
 URL, SPARRING = sys.argv[1], sys.argv[2]
 BURN = {"burns": [{"satellite_id": 0, "delta_vx": 0.01, "delta_vy": 0.0}]}
@@ -34,16 +35,8 @@ async def fly(server, objective):
 
 async def over_http():
     await fly(URL + "/mcp", "SURVIVAL")
-    assert metric("sparring_sessions") == 0, "the client ended its session"
+    assert read_gauge(URL, "sparring_sessions") == 0, "the client ended its session"
     print("streamable HTTP: an episode is flown, and the session ends with its client")
-
-
-def metric(name):
-    """Returns the value of a gauge."""
-    with urllib.request.urlopen(URL + "/metrics") as response:
-        lines = response.read().decode().splitlines()
-    values = [line.split()[1] for line in lines if line.startswith(name + " ")]
-    return float(values[0]) if values else 0.0
 
 
 def post(message, headers=()):

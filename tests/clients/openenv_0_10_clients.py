@@ -6,6 +6,7 @@ import asyncio, json, pathlib, shutil, subprocess, sys, tempfile, urllib.error, 
 
 from openenv.core.generic_client import GenericEnvClient
 from openenv.core.mcp_client import MCPToolClient
+from server_metrics import read_gauge
 from websockets.sync.client import connect
 
 URL = sys.argv[1]
@@ -38,23 +39,15 @@ async def share_one_session():
         assert called["step"] == 1, called
         state = await env.state()
         assert state.step_count == 1, state
-        active = metric("sparring_sessions")
+        active = read_gauge(URL, "sparring_sessions")
         assert active == 1, f"one session takes one place, got {active}"
         session = env._production_session_id
         refusal = frame_of_attachment(session)
         assert refusal["data"]["message"] == f"Session {session} already has an attached WebSocket", refusal
-    assert metric("sparring_sessions") == 0, "the closed client frees its place"
+    assert read_gauge(URL, "sparring_sessions") == 0, "the closed client frees its place"
     unknown = frame_of_attachment("no-such-session")
     assert unknown == {"type": "error", "data": {"message": "Unknown session_id: no-such-session", "code": "SESSION_ERROR"}}, unknown
     print("MCPToolClient: resets and tools share one session, which takes one place")
-
-
-def metric(name):
-    """Returns the value of a gauge."""
-    with urllib.request.urlopen(URL + "/metrics") as response:
-        lines = response.read().decode().splitlines()
-    values = [line.split()[1] for line in lines if line.startswith(name + " ")]
-    return float(values[0]) if values else 0.0
 
 
 def frame_of_attachment(session):
