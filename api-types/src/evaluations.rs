@@ -122,7 +122,8 @@ pub struct EvaluationRequest {
     /// Tasks whose scenarios are evaluated (default: all). It needs `run`: the server evaluates whole suites.
     #[schema(example = json!(["docking/single"]))]
     pub tasks: Option<Vec<String>>,
-    /// Without `run`: a built-in policy of every task of the suite, which the server rolls out. With `run`: any name.
+    /// Without `run`: a built-in policy that every task of the suite has, or a file in the policy folder of the server, such as
+    /// `onnx:model.onnx`; the server rolls it out. The evaluation shows a file with the hash of its contents. With `run`: any name.
     #[schema(example = "heuristic")]
     pub policy: String,
     /// Run whose trainer rolls the policy out, in leases with `purpose: eval` and the id of the evaluation.

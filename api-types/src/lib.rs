@@ -35,6 +35,7 @@ mod server_version;
 mod strategies;
 mod suites;
 mod tasks;
+mod trainer_metrics;
 mod trajectories;
 mod versions;
 
@@ -64,6 +65,7 @@ pub use self::server_version::*;
 pub use self::strategies::*;
 pub use self::suites::*;
 pub use self::tasks::*;
+pub use self::trainer_metrics::*;
 pub use self::trajectories::*;
 pub use self::versions::*;
 

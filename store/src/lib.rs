@@ -78,6 +78,7 @@ pub mod task_counters;
 mod text_enum;
 pub mod token_cache;
 pub mod tokens;
+pub mod trainer_metrics;
 pub mod trajectories;
 pub mod transactions;
 pub mod write_probe;

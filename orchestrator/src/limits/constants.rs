@@ -69,6 +69,11 @@ pub const MAX_VIEWERS: usize = 256;
 /// Maximum number of viewers of web sessions of one client.
 pub const MAX_VIEWERS_PER_CLIENT: usize = MAX_VIEWERS / 4;
 
+/// Maximum number of requests per second and run that log a trainer's metrics; a burst may have twice as many.
+pub const METRICS_REQUESTS_PER_SECOND: NonZeroU32 = NonZeroU32::MIN.saturating_add(9);
+/// Largest number of a trainer's metrics in a request, and in a run.
+pub const MAX_METRICS: usize = 100;
+
 /// Maximum number of database lookups of unknown tokens per second and IP address.
 pub const TOKEN_LOOKUPS_PER_SECOND: NonZeroU32 = NonZeroU32::MIN.saturating_add(199);
 /// Maximum number of denials per second that the audit log records.
@@ -81,6 +86,7 @@ mod tests {
     use super::*;
     use crate::rollouts::feed::MAX_ANSWER_BYTES;
     use crate::sessions::vector::frame::{MAX_REPLY_BYTES, MAX_REQUEST_BYTES};
+    use store::trainer_metrics::MAX_POINTS;
 
     const PAGE: &str = include_str!("../../../docs/reference/limits.md");
 
@@ -130,6 +136,9 @@ mod tests {
             ("SEND_TIMEOUT", seconds(SEND_TIMEOUT)),
             ("MAX_LISTENERS", grouped(MAX_LISTENERS)),
             ("MAX_LISTENERS_PER_CLIENT", grouped(MAX_LISTENERS_PER_CLIENT)),
+            ("METRICS_REQUESTS_PER_SECOND", METRICS_REQUESTS_PER_SECOND.to_string()),
+            ("MAX_METRICS", grouped(MAX_METRICS)),
+            ("MAX_POINTS", grouped(MAX_POINTS.unsigned_abs() as usize)),
             ("MAX_VIEWERS", grouped(MAX_VIEWERS)),
             ("MAX_VIEWERS_PER_CLIENT", grouped(MAX_VIEWERS_PER_CLIENT)),
             ("MAX_LONG_POLLS", grouped(MAX_LONG_POLLS)),

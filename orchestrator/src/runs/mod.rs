@@ -7,6 +7,7 @@
 pub mod change_run;
 pub mod create_run;
 pub mod delete_run;
+pub mod log_metrics;
 pub mod policy_version;
 pub mod retention_settings;
 pub mod run_request;

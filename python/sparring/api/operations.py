@@ -493,6 +493,33 @@ class Mastery:
         response: types.RunMastery = self._send("GET", f"/v1/runs/{_segment(run)}/mastery", {}, None, is_repeatable=True)
         return response
 
+    def get_trainer_metrics(
+        self, run: str, *, name: str | None = None, from_: str | None = None, to: str | None = None, points: int | None = None
+    ) -> types.TrainerMetrics:
+        """Get the metrics that the trainer of a run logged.
+
+        Args:
+            name: Name of the only metric to return (default: all).
+            from_: Start of the window, RFC 3339 (default: start of the run).
+            to: End of the window, RFC 3339 (default: now).
+            points: Largest number of points of each metric, from 1 to 2 000 (default 300).
+        """
+        response: types.TrainerMetrics = self._send(
+            "GET",
+            f"/v1/runs/{_segment(run)}/metrics",
+            {"name": name, "from": from_, "to": to, "points": points},
+            None,
+            is_repeatable=True,
+        )
+        return response
+
+    def log_trainer_metrics(self, run: str, **body: Unpack[types.TrainerMetricsRequest]) -> types.TrainerMetricsReceipt:
+        """Log metrics of the trainer, such as loss, KL divergence and entropy, at one of its steps."""
+        response: types.TrainerMetricsReceipt = self._send(
+            "POST", f"/v1/runs/{_segment(run)}/metrics", {}, body, is_repeatable=True
+        )
+        return response
+
     def get_params(self, run: str) -> types.RunParams:
         """Get the current params of a run, by task."""
         response: types.RunParams = self._send("GET", f"/v1/runs/{_segment(run)}/params", {}, None, is_repeatable=True)
@@ -1241,6 +1268,33 @@ class AsyncMastery:
     async def get(self, run: str) -> types.RunMastery:
         """Get the current mastery of all tasks of a run."""
         response: types.RunMastery = await self._send("GET", f"/v1/runs/{_segment(run)}/mastery", {}, None, is_repeatable=True)
+        return response
+
+    async def get_trainer_metrics(
+        self, run: str, *, name: str | None = None, from_: str | None = None, to: str | None = None, points: int | None = None
+    ) -> types.TrainerMetrics:
+        """Get the metrics that the trainer of a run logged.
+
+        Args:
+            name: Name of the only metric to return (default: all).
+            from_: Start of the window, RFC 3339 (default: start of the run).
+            to: End of the window, RFC 3339 (default: now).
+            points: Largest number of points of each metric, from 1 to 2 000 (default 300).
+        """
+        response: types.TrainerMetrics = await self._send(
+            "GET",
+            f"/v1/runs/{_segment(run)}/metrics",
+            {"name": name, "from": from_, "to": to, "points": points},
+            None,
+            is_repeatable=True,
+        )
+        return response
+
+    async def log_trainer_metrics(self, run: str, **body: Unpack[types.TrainerMetricsRequest]) -> types.TrainerMetricsReceipt:
+        """Log metrics of the trainer, such as loss, KL divergence and entropy, at one of its steps."""
+        response: types.TrainerMetricsReceipt = await self._send(
+            "POST", f"/v1/runs/{_segment(run)}/metrics", {}, body, is_repeatable=True
+        )
         return response
 
     async def get_params(self, run: str) -> types.RunParams:

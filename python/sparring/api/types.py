@@ -488,7 +488,10 @@ class EvaluationRequest(TypedDict):
     name: NotRequired[str | None]
     """Name of the evaluation for people (default: the name of the policy)."""
     policy: str
-    """Without `run`: a built-in policy of every task of the suite, which the server rolls out. With `run`: any name."""
+    """
+    Without `run`: a built-in policy that every task of the suite has, or a file in the policy folder of the server, such as
+    `onnx:model.onnx`; the server rolls it out. The evaluation shows a file with the hash of its contents. With `run`: any name.
+    """
     policy_version: NotRequired[int | None]
     """Version of the run's policy (default: the newest)."""
     rollouts: NotRequired[int | None]
@@ -1488,6 +1491,49 @@ class TaskSpeedBands(TypedDict):
     """Edges in ascending order."""
     unit: str
     """Unit of the edges."""
+
+
+class TrainerMetric(TypedDict):
+    """Metric of a trainer: columns of equal length, in the order of steps. A point covers one report or several successive ones."""
+
+    at: list[float]
+    """Time of the last report of each point, Unix time in seconds."""
+    name: str
+    """Name of the metric."""
+    step: list[int]
+    """Last step of each point."""
+    value: list[float | None]
+    """Mean value of each point; null if no value is finite."""
+
+
+class TrainerMetrics(TypedDict):
+    """Metrics of a run's trainer in a window."""
+
+    metrics: list[TrainerMetric]
+    """Metrics with points in the window, in alphabetical order."""
+
+
+class TrainerMetricsReceipt(TypedDict):
+    """Receipt of a trainer's metrics."""
+
+    metrics: int
+    """Number of metrics of the run."""
+    step: int
+    """Step of the metrics."""
+    stored: int
+    """Number of values that were stored."""
+
+
+class TrainerMetricsRequest(TypedDict):
+    """Metrics of a trainer at one of its steps."""
+
+    metrics: dict[str, float | None]
+    """
+    Values by name, 1 to 100; null for a number that is not finite. A name has 1 to 128 of a-z, A-Z, 0-9, _, ., :, / and -, and
+    begins with a letter or a digit.
+    """
+    step: int
+    """Step of the trainer, such as its number of environment steps or updates, from 0 to 2^53 − 1."""
 
 
 class TrajectoryClaim(TypedDict):

@@ -43,6 +43,7 @@ mod runs_command;
 mod scale;
 mod serve_command;
 mod stepping;
+mod trainer_metrics;
 mod training_loop;
 mod trajectories;
 mod views;

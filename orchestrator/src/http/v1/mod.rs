@@ -30,11 +30,13 @@ mod run_tags;
 mod run_update;
 mod runs;
 mod scenarios;
-pub(super) mod series;
+mod series;
 pub(super) mod sessions;
 mod strategies;
 mod suites;
 mod tasks;
+pub(super) mod time_window;
+mod trainer_metrics;
 mod trajectories;
 
 use axum::Extension;
@@ -69,6 +71,7 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(mastery::list_level_moves))
         .routes(routes!(mastery::get_params))
         .routes(routes!(series::get_series))
+        .routes(routes!(trainer_metrics::get_trainer_metrics, trainer_metrics::log_trainer_metrics))
         .routes(routes!(overview::get_overview))
         .routes(routes!(run_settings::list_run_settings))
         .routes(routes!(episode_list::list_episodes))

@@ -2,10 +2,9 @@
 
 use api_types::{ParamSeries, RunSeries, SeriesQuery, TaskSeries};
 use axum::extract::State;
-use env_core::text::{MAX_QUOTED_CHARS, shorten};
 use store::history::{self, HistoryBucket, HistoryPoint, HistoryWindow};
-use store::runs;
 
+use super::time_window::{TimeWindow, read_points};
 use crate::http::extract::{Path, Query};
 use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
@@ -13,11 +12,6 @@ use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
 use crate::queries::current_mastery::{CurrentMastery, update_last_points};
 use clock::{Millis, rfc3339};
-
-/// Default number of points of a series.
-const DEFAULT_POINTS: u32 = 300;
-/// Largest number of points of a series.
-const MAX_POINTS: u32 = 2000;
 
 /// Appends a point to the series of a task.
 fn push_point(series: &mut TaskSeries, start: Millis, bucket: &HistoryBucket) {
@@ -84,23 +78,6 @@ fn series_by_task(points: Vec<HistoryPoint>, width: Millis) -> Vec<TaskSeries> {
     tasks
 }
 
-/// Parses the time of a query field.
-pub(in crate::http) fn parse_time(
-    field: &'static str,
-    text: Option<&String>,
-    default: Millis,
-) -> Result<Millis, Problem> {
-    let Some(text) = text else { return Ok(default) };
-    let time = text.parse::<jiff::Timestamp>().map_err(|_| {
-        let text = shorten(text, MAX_QUOTED_CHARS);
-        Problem::invalid(
-            field,
-            format!("must be an RFC 3339 time such as 2026-01-31T12:00:00Z, got {text:?}"),
-        )
-    })?;
-    Ok(time.as_millisecond())
-}
-
 /// Get the time series of a run: success, skill, mastery, levels and params of each task.
 ///
 /// A point covers an interval with results, of at least one minute in the last week and one hour before.
@@ -120,23 +97,9 @@ pub(super) async fn get_series(
     let run = parse_run_id(&run)?;
     let mut conn = acquire_run_reader(&app, &run).await?;
     let now = app.clock.now();
-    // The clock may have been set back since the run was created.
-    let created_at = runs::get(&mut conn, run.as_str()).await?.map_or(now, |row| row.created_at.min(now));
-    let (from, to) =
-        (parse_time("from", query.from.as_ref(), created_at)?, parse_time("to", query.to.as_ref(), now)?);
-    if to < from {
-        return Err(match query.to {
-            Some(_) => Problem::invalid("to", format!("must not be before `from`, {}", rfc3339(from))),
-            None => {
-                Problem::invalid("from", format!("must not be in the future, the time is {}", rfc3339(to)))
-            }
-        });
-    }
-    let points = query.points.unwrap_or(DEFAULT_POINTS);
-    if !(1..=MAX_POINTS).contains(&points) {
-        return Err(Problem::invalid("points", format!("must be from 1 to {MAX_POINTS}, got {points}")));
-    }
-    let window = HistoryWindow::new(from, to, i64::from(points), now);
+    let TimeWindow { from, to } =
+        TimeWindow::read(&mut conn, &run, query.from.as_ref(), query.to.as_ref(), now).await?;
+    let window = HistoryWindow::new(from, to, i64::from(read_points(query.points)?), now);
     let mut points = history::curve(&mut conn, run.as_str(), window).await?;
     if to >= now {
         update_last_points(&mut points, &app.writer.query(CurrentMastery { run }).await?);

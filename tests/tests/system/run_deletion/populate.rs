@@ -44,6 +44,8 @@ pub(crate) async fn create_populated_run(api: &ApiClient, id: &str) -> Populated
     assert_eq!(api.get(&run).await.expect(200)["warnings"]["count"], 1, "the refused claim");
     let evaluation = evaluate(api, id).await;
 
+    let _ =
+        api.post(&format!("{run}/metrics"), json!({"step": 1, "metrics": {"loss": 0.5}})).await.expect(200);
     let version = json!({"checkpoint": "weights-1"});
     let _ = api.send_json("PUT", &format!("{run}/policy_versions/1"), version).await.expect(200);
     let policy = json!({"policy": "hold", "max_unacknowledged_groups": 2});

@@ -15,6 +15,7 @@ fn body(operation: &str, ids: &PopulatedRun) -> Value {
         "claim_trajectories" => json!({}),
         "claim_columns" => json!({"score": vec![0.5; 8]}),
         "create_lease" => json!({"groups": 1}),
+        "log_trainer_metrics" => json!({"step": 1, "metrics": {"loss": 0.5}}),
         "report_results" => json!({"results": [{"episode": ids.episode, "failed": "lost"}]}),
         "set_members" => json!({"members": []}),
         "set_policy" => json!({"policy": "hold"}),
