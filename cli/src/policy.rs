@@ -1,7 +1,8 @@
-//! `--policy-…`: arguments of the language model that runs episodes under the policy `chat`. No request can name another
-//! endpoint.
+//! `--policy-…`: arguments of the policies that the server runs itself: the language model behind the policy `chat`, and the folder of
+//! policy files. No request can name another endpoint or another folder.
 
 use std::env::VarError;
+use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use llm::{LlmClient, LlmConfig};
@@ -9,11 +10,12 @@ use llm::{LlmClient, LlmConfig};
 use clock::Clock;
 use commands::llm_args::{self, LlmArgs};
 use orchestrator::rollouts::Endpoint;
+use policy_files::PolicyFolder;
 
 /// Largest response in bytes if token details are requested: each token comes with its text and log-probability.
 const MAX_TOKEN_BODY_BYTES: usize = 16 << 20;
 
-/// Arguments of the model behind the policy `chat`.
+/// Arguments of the policies that the server runs itself.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Policy")]
 pub struct PolicyArgs {
@@ -49,9 +51,25 @@ pub struct PolicyArgs {
     /// other endpoints may reject such requests
     #[arg(long, requires = "policy_url")]
     policy_tokens: bool,
+    /// Folder with policy files (ONNX models and reflexes) that clients can evaluate and roll out by name, such as
+    /// onnx:model.onnx; files can be added and replaced while the server runs
+    #[arg(long, value_name = "FOLDER", env = "SPARRING_POLICY_FOLDER", hide_env_values = true)]
+    policy_folder: Option<PathBuf>,
 }
 
 impl PolicyArgs {
+    /// Returns the folder of policy files.
+    ///
+    /// # Errors
+    /// Returns an error if the path is not that of a folder.
+    pub fn policy_folder(&self) -> anyhow::Result<PolicyFolder> {
+        let Some(path) = &self.policy_folder else { return Ok(PolicyFolder::default()) };
+        if !path.is_dir() {
+            bail!("--policy-folder {}: this is not a folder", path.display());
+        }
+        Ok(PolicyFolder::new(path.clone()))
+    }
+
     /// Creates the client of the model, or returns `None` if none is named.
     ///
     /// # Errors

@@ -260,7 +260,41 @@ impl LogError {
     }
 }
 
-/// A log that cannot be replayed on a scenario.
+/// A policy that cannot be created, or cannot act.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PolicyError {
+    /// The task has no policy with this name.
+    #[error("the policy must be one of {known}, got {name:?}")]
+    Unknown {
+        /// Name that was requested.
+        name: String,
+        /// Known names, separated by commas.
+        known: String,
+    },
+    /// The scenario cannot start.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// The policy is not one for the task.
+    #[error("the policy {name} cannot act in {task}: {reason}")]
+    Task {
+        /// Name of the policy.
+        name: String,
+        /// Id of the task.
+        task: &'static str,
+        /// Reason why it cannot act there, as a clause.
+        reason: String,
+    },
+    /// The policy has no action for an observation.
+    #[error("the policy {name} has no action: {reason}")]
+    Act {
+        /// Name of the policy.
+        name: String,
+        /// Reason why it has none, as a clause.
+        reason: String,
+    },
+}
+
+/// An episode that cannot be run on a scenario, by a log or a policy.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ReplayError {
     /// The scenario cannot start.
@@ -269,4 +303,7 @@ pub enum ReplayError {
     /// The log is not one of this scenario.
     #[error(transparent)]
     Log(#[from] LogError),
+    /// The policy has no action.
+    #[error(transparent)]
+    Policy(#[from] PolicyError),
 }

@@ -30,6 +30,7 @@ pub mod keyed_rng;
 pub mod log;
 mod number_format;
 pub mod policy;
+pub mod policy_factory;
 pub mod reflex;
 pub mod registry;
 pub mod rollout;

@@ -20,15 +20,15 @@ pub struct Rollout {
 /// Rolls out a policy on a scenario to the end of the episode.
 ///
 /// # Errors
-/// Returns [`ReplayError::Scenario`] if the start is not fair, and [`ReplayError::Log`] if the environment rejects an action
-/// of the policy.
+/// Returns [`ReplayError::Scenario`] if the start is not fair, [`ReplayError::Log`] if the environment rejects an action of
+/// the policy, and [`ReplayError::Policy`] if the policy has none.
 pub fn roll_out(scenario: &Scenario, policy: &mut dyn Policy) -> Result<Rollout, ReplayError> {
     let task = scenario.task();
     let mut episode = task.start(scenario)?;
     let mut log = ActionLog::new(task.action_space().columns.len(), Precision::F64);
     let mut report = StepReport::default();
     while !episode.done() {
-        policy.act(episode.observation(), &mut log);
+        policy.act(episode.observation(), &mut log)?;
         let step = log.len();
         let action = log.step(step.saturating_sub(1));
         episode

@@ -1,5 +1,6 @@
-//! Rollouts of built-in policies on a suite.
+//! Rollouts of policies on a suite.
 
+use env_core::policy_factory::PolicyFactory;
 use env_core::rollout;
 use rayon::prelude::*;
 
@@ -27,45 +28,41 @@ pub struct SuiteRolloutError {
 /// Rolls out a policy on every scenario of a suite, in parallel. `on_scenario` is called after each scenario.
 ///
 /// # Errors
-/// Returns an error if the policy does not exist for a task or an episode fails.
+/// Returns an error if the policy cannot act in a task or an episode fails.
 pub fn roll_out_policy(
     suite: &Suite,
-    policy: &str,
+    policy: &dyn PolicyFactory,
     settings: SuiteRolloutSettings,
     on_scenario: &(dyn Fn() + Sync),
 ) -> Result<PolicyResults, SuiteRolloutError> {
     let entries: Vec<&SuiteEntry> = suite.entries().collect();
-    let is_any_stochastic = entries.iter().any(|entry| is_stochastic(entry, policy));
+    let is_stochastic = |entry: &SuiteEntry| policy.is_stochastic(entry.scenario.task());
+    let is_any_stochastic = entries.iter().any(|entry| is_stochastic(entry));
     let episodes = entries.into_par_iter().map(|entry| {
-        let rollouts = if is_stochastic(entry, policy) { settings.rollouts } else { 1 };
+        let rollouts = if is_stochastic(entry) { settings.rollouts } else { 1 };
         let episodes =
             (0..rollouts).map(|rollout| roll_out_once(entry, policy, settings.seed, rollout)).collect();
         on_scenario();
         episodes
     });
     let episodes = episodes.collect::<Result<_, SuiteRolloutError>>()?;
-    Ok(PolicyResults { policy: policy.to_owned(), is_stochastic: is_any_stochastic, episodes })
-}
-
-/// Returns true if the policy's actions on a scenario depend on its seed.
-fn is_stochastic(entry: &SuiteEntry, policy: &str) -> bool {
-    entry.scenario.task().policies().iter().any(|spec| spec.name == policy && spec.stochastic)
+    Ok(PolicyResults { policy: policy.name().to_owned(), is_stochastic: is_any_stochastic, episodes })
 }
 
 fn roll_out_once(
     entry: &SuiteEntry,
-    policy: &str,
+    policy: &dyn PolicyFactory,
     seed: u64,
     rollout: u32,
 ) -> Result<EpisodeMeasures, SuiteRolloutError> {
     let scenario = &entry.scenario;
     let failed = |source: Box<dyn std::error::Error + Send + Sync>| SuiteRolloutError {
-        policy: policy.to_owned(),
+        policy: policy.name().to_owned(),
         scenario: scenario.id().to_string(),
         source,
     };
-    let seed = derive_seed(seed, policy, entry, rollout);
-    let mut agent = scenario.task().policy(policy, scenario, seed).map_err(|error| failed(error.into()))?;
+    let seed = derive_seed(seed, policy.name(), entry, rollout);
+    let mut agent = policy.create(scenario, seed).map_err(|error| failed(error.into()))?;
     let outcome = rollout::roll_out(scenario, &mut *agent).map_err(|error| failed(error.into()))?.outcome;
     Ok(measure_episode(entry, &outcome))
 }

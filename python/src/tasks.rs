@@ -89,7 +89,8 @@ impl NativePolicy {
         let observation = self.task.read_observation(&wire).map_err(|error| rejected("telemetry", error))?;
         let dim = self.task.action_space().columns.len();
         let mut log = ActionLog::new(dim, Precision::F64);
-        self.policy.lock().unwrap_or_else(PoisonError::into_inner).act(&*observation, &mut log);
+        let acted = self.policy.lock().unwrap_or_else(PoisonError::into_inner).act(&*observation, &mut log);
+        acted.map_err(|error| rejected("policy", error))?;
         let mut values = vec![0.0; self.agents * dim];
         let step = log.step(log.len().saturating_sub(1));
         for (&agent, action) in step.agents.iter().zip(step.values.chunks_exact(dim)) {

@@ -14,7 +14,7 @@ pub enum RunPolicy {
     Off,
     /// The language model of the server's configuration.
     Chat,
-    /// A built-in policy, by its name.
+    /// A built-in policy by its name, or a policy file.
     BuiltIn(String),
 }
 

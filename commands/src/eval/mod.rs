@@ -11,9 +11,12 @@ mod tests;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 
 use anyhow::{Context, anyhow, bail};
-use clap::builder::PossibleValuesParser;
+use env_core::TaskSpec;
+use env_core::policy::PolicyError;
+use env_core::policy_factory::PolicyFactory;
 
 use self::physics::ChangedPhysics;
 use super::options::{self, ChosenOption};
@@ -25,6 +28,7 @@ use evaluation::suite::Suite;
 use evaluation::suite::file::{self, LoadedSuite};
 use evaluation::suite_rollout::{SuiteRolloutSettings, roll_out_policy};
 use evaluation::{EvaluationReport, PolicyResults};
+use policy_files::PolicyReference;
 
 /// Evaluate policies on a frozen suite, with 95 % confidence intervals.
 ///
@@ -51,8 +55,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME|FILE", default_value = file::DEFAULT_SUITE)]
     suite: String,
     /// Policies to evaluate, each once; repeat the flag or separate them by commas
-    #[arg(long = "policy", value_name = "POLICY", required = true, value_delimiter = ',',
-          value_parser = PossibleValuesParser::new(worlds::policy_names()))]
+    #[arg(long = "policy", value_name = "POLICY", required = true, value_delimiter = ',', value_parser = parse_policy)]
     policies: Vec<String>,
     /// Seed of stochastic policies and of the resampling
     #[arg(long, default_value_t = 0)]
@@ -61,7 +64,7 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
     rollouts: u32,
     /// Policy to compare the others with [default: the first of --policy; frozen if there is only one]
-    #[arg(long, value_name = "POLICY", value_parser = PossibleValuesParser::new(against_names()))]
+    #[arg(long, value_name = "POLICY", value_parser = parse_against)]
     against: Option<String>,
     /// Also write a chart of the success rates to this SVG file
     #[arg(long, value_name = "FILE")]
@@ -73,8 +76,18 @@ pub struct Args {
     output: JsonFlag,
 }
 
-fn against_names() -> Vec<&'static str> {
-    worlds::policy_names().into_iter().chain([BLIND_PANEL]).collect()
+/// Parses the name of a policy: a built-in one, or a file.
+fn parse_policy(text: &str) -> Result<String, String> {
+    let known = worlds::policy_names();
+    if PolicyReference::parse(text).is_file() || known.contains(&text) {
+        return Ok(text.to_owned());
+    }
+    Err(format!("must be one of {}, onnx:FILE or reflex:FILE", known.join(", ")))
+}
+
+/// Parses the policy to compare with, which may be the blind panel.
+fn parse_against(text: &str) -> Result<String, String> {
+    if text == BLIND_PANEL { Ok(text.to_owned()) } else { parse_policy(text) }
 }
 
 /// Name of the row of the blind plans.
@@ -84,7 +97,8 @@ const FROZEN: &str = "frozen";
 
 fn after_help() -> String {
     format!(
-        "Policies:\n{}\n\nBuilt-in suites: {}.\n\n{}\n\n{AFTER_HELP}",
+        "Policies:\n{}\n  onnx:FILE: a neural network in an ONNX file, as sparring.export_onnx of the Python package writes it\n  \
+         reflex:FILE: the reflexes that a demo has learnt, in the output of `sparring demo --json`\n\nBuilt-in suites: {}.\n\n{}\n\n{AFTER_HELP}",
         worlds::describe_policies(&worlds::policy_names()),
         file::built_in_names(),
         options::help()
@@ -109,20 +123,22 @@ Examples:
   sparring eval --policy heuristic --physics contact=swept --physics gravity=j2
   sparring eval --policy hold,random,heuristic --rollouts 8 \\
       --against heuristic --svg policies.svg
-  sparring eval --suite my-suite-v1.json --policy frozen --rollouts 8";
+  sparring eval --suite my-suite-v1.json --policy frozen --rollouts 8
+  sparring eval --policy onnx:model.onnx --against heuristic
+  sparring demo --json > demo.json && sparring eval --policy reflex:demo.json";
 
 /// Evaluates the policies and prints the report.
 ///
 /// # Errors
-/// Returns an error if the suite cannot be used, a policy is missing in a task, or a file cannot be written.
+/// Returns an error if the suite cannot be used, a policy cannot act in a task, or a file cannot be read or written.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     output::reject_duplicates("--policy", &args.policies)?;
     args.svg.as_deref().map_or(Ok(()), files::check_writable)?;
     let LoadedSuite { suite, hash } =
         file::load_suite(&args.suite).with_context(|| format!("--suite {}", args.suite))?;
-    check_policies(&suite, args)?;
+    let policies = open_policies(&suite, args)?;
     let (suite, physics) = with_physics(suite, args)?;
-    let results = roll_out_policies(&suite, args)?;
+    let results = roll_out_policies(&suite, args, &policies)?;
     let report = build_report(&suite, hash, args, physics, &results);
     if args.output.json {
         output::print_json(&report)?;
@@ -172,31 +188,56 @@ fn with_physics(suite: Suite, args: &Args) -> anyhow::Result<(Suite, Option<Chan
     })
 }
 
-/// Checks that every task of the suite has every requested policy, since a row covers the whole suite.
-fn check_policies(suite: &Suite, args: &Args) -> anyhow::Result<()> {
-    for group in &suite.groups {
-        let task = group.recipe.task();
-        let known: Vec<&str> = task.policies().iter().map(|spec| spec.name).collect();
-        let asked = args.policies.iter().chain(args.against.iter().filter(|name| *name != BLIND_PANEL));
-        if let Some(name) = asked.into_iter().find(|name| !known.contains(&name.as_str())) {
-            let (task, known) = (task.id(), known.join(", "));
-            bail!("suite {} has scenarios of {task}, which has no policy {name}; it has {known}", suite.name);
-        }
-    }
-    Ok(())
-}
-
-/// Evaluates the requested policies and the one they are compared with, then `frozen`, then the blind panel.
-fn roll_out_policies(suite: &Suite, args: &Args) -> anyhow::Result<Vec<PolicyResults>> {
+/// Opens the requested policies and the one they are compared with, then `frozen`, and checks that each can act in every task of the
+/// suite, since a row covers the whole suite.
+fn open_policies(suite: &Suite, args: &Args) -> anyhow::Result<Vec<Arc<dyn PolicyFactory>>> {
     let mut names: Vec<&str> = Vec::new();
     for name in args.policies.iter().chain(&args.against).map(String::as_str).chain([FROZEN]) {
         if !names.contains(&name) && name != BLIND_PANEL {
             names.push(name);
         }
     }
-    let bar = output::progress_bar(names.len() * suite.entries().count(), "episodes")?;
+    let open = |name: &str| -> anyhow::Result<Arc<dyn PolicyFactory>> {
+        let factory = policy_files::open(&PolicyReference::parse(name))
+            .with_context(|| format!("the policy {name} cannot be used"))?;
+        for task in suite.tasks() {
+            check_policy(suite, task, &*factory)?;
+        }
+        Ok(factory)
+    };
+    names.into_iter().map(open).collect()
+}
+
+/// Checks that a policy can act in a task of the suite.
+fn check_policy(
+    suite: &Suite,
+    task: &'static dyn TaskSpec,
+    factory: &dyn PolicyFactory,
+) -> anyhow::Result<()> {
+    match factory.check(task) {
+        Ok(()) => Ok(()),
+        Err(PolicyError::Unknown { name, known }) => {
+            bail!(
+                "suite {} has scenarios of {}, which has no policy {name}; it has {known}",
+                suite.name,
+                task.id()
+            )
+        }
+        Err(error) => {
+            Err(error).with_context(|| format!("suite {} has scenarios of {}", suite.name, task.id()))
+        }
+    }
+}
+
+/// Evaluates the policies, then the blind panel.
+fn roll_out_policies(
+    suite: &Suite,
+    args: &Args,
+    policies: &[Arc<dyn PolicyFactory>],
+) -> anyhow::Result<Vec<PolicyResults>> {
+    let bar = output::progress_bar(policies.len() * suite.entries().count(), "episodes")?;
     let settings = SuiteRolloutSettings { seed: args.seed, rollouts: args.rollouts };
-    let flown = names.into_iter().map(|name| roll_out_policy(suite, name, settings, &|| bar.inc(1)));
+    let flown = policies.iter().map(|policy| roll_out_policy(suite, &**policy, settings, &|| bar.inc(1)));
     let mut flown = flown.collect::<Result<Vec<_>, _>>()?;
     bar.finish_and_clear();
     flown.push(PolicyResults::blind_panel(suite));

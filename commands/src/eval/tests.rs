@@ -3,11 +3,13 @@
 use super::*;
 use crate::output::OutputTarget;
 use crate::suite::tests::{mixed, small};
+use env_core::policy_factory::BuiltInPolicy;
 use evaluation::results::measure_episode;
 use evaluation::suite::SuitePart;
 
 fn flown(suite: &Suite, policy: &str, rollouts: u32) -> PolicyResults {
-    roll_out_policy(suite, policy, SuiteRolloutSettings { seed: 0, rollouts }, &|| ()).unwrap()
+    let policy = BuiltInPolicy(policy.to_owned());
+    roll_out_policy(suite, &policy, SuiteRolloutSettings { seed: 0, rollouts }, &|| ()).unwrap()
 }
 
 fn args(policies: &[&str]) -> Args {
@@ -49,7 +51,8 @@ fn chance_follows_the_seed_and_every_rollout_is_another() {
     assert_eq!(once, flown(&suite, "frozen", 1));
     assert_ne!(once, twice);
     let settings = SuiteRolloutSettings { seed: 1, rollouts: 1 };
-    assert_ne!(once, roll_out_policy(&suite, "frozen", settings, &|| ()).unwrap());
+    let frozen = BuiltInPolicy("frozen".to_owned());
+    assert_ne!(once, roll_out_policy(&suite, &frozen, settings, &|| ()).unwrap());
     assert_eq!(flown(&suite, "heuristic", 1), flown(&suite, "heuristic", 3));
 }
 
@@ -57,7 +60,7 @@ fn chance_follows_the_seed_and_every_rollout_is_another() {
 fn the_report_has_every_block_and_the_controls() {
     let suite = small();
     let args = args(&["hold", "hold", "reference"]);
-    let rows = roll_out_policies(&suite, &args).unwrap();
+    let rows = roll_out_policies(&suite, &args, &open_policies(&suite, &args).unwrap()).unwrap();
     let names: Vec<&str> = rows.iter().map(|row| row.policy.as_str()).collect();
     assert_eq!(names, ["hold", "reference", "frozen", "blind_panel"]);
     let report = build_report(&suite, "0123456789abcdef".repeat(4), &args, None, &rows);
@@ -126,8 +129,8 @@ fn policies_are_those_of_every_world_in_the_suite() {
     let contested = suite.entries().zip(row.scenario_means()).filter(|(e, _)| e.part == SuitePart::Contested);
     let successes: f64 = contested.filter_map(|(_, measures)| measures.success).sum();
     assert!(successes >= 5.0, "the heuristics of both worlds are good at level 2: {successes} of 6");
-    assert!(check_policies(&suite, &args(&["hold", "reference"])).is_ok());
-    let error = check_policies(&suite, &args(&["hold", "golf"])).unwrap_err().to_string();
+    assert!(open_policies(&suite, &args(&["hold", "reference"])).is_ok());
+    let error = open_policies(&suite, &args(&["hold", "golf"])).err().unwrap().to_string();
     assert!(error.contains("docking/single, which has no policy golf; it has hold, random"), "{error}");
 }
 

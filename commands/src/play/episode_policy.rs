@@ -156,7 +156,7 @@ impl EpisodePolicy {
                 })?;
                 let dim = task.spec.action_space().columns.len();
                 let mut log = ActionLog::new(dim, Precision::F64);
-                policy.act(&*observed, &mut log);
+                policy.act(&*observed, &mut log).map_err(|error| DecisionError::World(error.to_string()))?;
                 Ok(StepDecision { action: actions.encode(log.step(0)), error: None, turn: None })
             }
         }

@@ -67,10 +67,10 @@ struct BlinkeredAgent {
 }
 
 impl Policy for BlinkeredAgent {
-    fn act(&mut self, observation: &dyn Any, log: &mut ActionLog) {
+    fn act(&mut self, observation: &dyn Any, log: &mut ActionLog) -> Result<(), PolicyError> {
         let Some(telemetry) = observation.downcast_ref::<KesslerTelemetry>() else {
             log.end_step();
-            return;
+            return Ok(());
         };
         // The blind sector differs between satellites: the policy acts once for each, and only that satellite's burn is kept.
         let mut burns: Vec<(u32, [f64; 2])> = Vec::new();
@@ -81,7 +81,7 @@ impl Policy for BlinkeredAgent {
                 angle_between(self.centre_deg, bearing).abs() > self.half_width_deg
             });
             let mut own_log = ActionLog::new(2, log.precision());
-            self.policy.act(&restricted, &mut own_log);
+            self.policy.act(&restricted, &mut own_log)?;
             let step = own_log.step(0);
             for (&agent, values) in step.agents.iter().zip(step.values.chunks_exact(2)) {
                 if agent == satellite.id {
@@ -93,6 +93,7 @@ impl Policy for BlinkeredAgent {
             log.push_entry(agent, &burn);
         }
         log.end_step();
+        Ok(())
     }
 }
 
@@ -112,7 +113,7 @@ const LATE_DIRECTIONS: u32 = 16;
 const LATE_CLEARANCE: f64 = 2.2;
 
 impl Policy for LateAgent {
-    fn act(&mut self, observation: &dyn Any, log: &mut ActionLog) {
+    fn act(&mut self, observation: &dyn Any, log: &mut ActionLog) -> Result<(), PolicyError> {
         let current = observation.downcast_ref::<KesslerTelemetry>();
         if let (Some(previous), Some(_)) = (&self.previous, current) {
             for satellite in previous.satellites.iter().filter(|s| s.is_active()) {
@@ -123,6 +124,7 @@ impl Policy for LateAgent {
         }
         log.end_step();
         self.previous = current.cloned();
+        Ok(())
     }
 }
 
@@ -160,7 +162,7 @@ const NERVOUS_BURN: f64 = 0.25;
 struct NervousAgent;
 
 impl Policy for NervousAgent {
-    fn act(&mut self, observation: &dyn Any, log: &mut ActionLog) {
+    fn act(&mut self, observation: &dyn Any, log: &mut ActionLog) -> Result<(), PolicyError> {
         if let Some(telemetry) = observation.downcast_ref::<KesslerTelemetry>() {
             for satellite in telemetry.satellites.iter().filter(|s| s.is_active()) {
                 if let Some(burn) = nervous_burn(satellite, telemetry) {
@@ -169,6 +171,7 @@ impl Policy for NervousAgent {
             }
         }
         log.end_step();
+        Ok(())
     }
 }
 

@@ -6,7 +6,7 @@ use serde_json::Value;
 use super::rows::{Row, Rows};
 use super::{
     Autoreset, Batch, BatchConfig, BatchError, BatchOutput, BatchShape, MAX_ENVS, MAX_UNFAIR_STARTS,
-    RunningEpisode, ScenarioSource,
+    ObservationPart, RunningEpisode, ScenarioSource,
 };
 use crate::error::ScenarioError;
 use crate::scene::Scene;
@@ -56,6 +56,9 @@ pub trait BatchLane: Send + Sized {
 
     /// Names of the values that [`BatchLane::observe`] writes, in order.
     fn columns(&self) -> Vec<String>;
+
+    /// Arrays that [`BatchLane::observe`] writes, in order.
+    fn parts(&self) -> Vec<ObservationPart>;
 
     /// Memory of the lane, in bytes.
     fn bytes(&self) -> usize;
@@ -262,6 +265,10 @@ impl<L: BatchLane> Batch for BatchEngine<L> {
 
     fn columns(&self) -> Vec<String> {
         self.slots.first().map(|slot| slot.lane.columns()).unwrap_or_default()
+    }
+
+    fn parts(&self) -> Vec<ObservationPart> {
+        self.slots.first().map(|slot| slot.lane.parts()).unwrap_or_default()
     }
 
     fn bytes_per_env(&self) -> usize {

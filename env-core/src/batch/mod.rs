@@ -84,8 +84,20 @@ pub trait Batch: Send {
     /// Names of the values of an environment's observation, in order.
     fn columns(&self) -> Vec<String>;
 
+    /// Arrays that an environment's observation consists of, in order.
+    fn parts(&self) -> Vec<ObservationPart>;
+
     /// Memory of one environment without what environments share, in bytes.
     fn bytes_per_env(&self) -> usize;
+}
+
+/// An array within an environment's observation.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ObservationPart {
+    /// Name of the array.
+    pub name: &'static str,
+    /// Dimensions of the array.
+    pub shape: Vec<usize>,
 }
 
 /// The episode that an environment of a batch runs.

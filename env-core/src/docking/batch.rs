@@ -9,7 +9,7 @@ use super::setup::{DeputyStarts, DockingSetup};
 use super::simulation::DockingSim;
 use crate::batch::{
     Batch, BatchConfig, BatchEngine, BatchError, BatchLane, BatchShape, LaneOutput, ObservationMode,
-    ScenarioSource, check_task,
+    ObservationPart, ScenarioSource, check_task,
 };
 use crate::episode_rng::SeededRng;
 use crate::error::ScenarioError;
@@ -157,6 +157,10 @@ impl BatchLane for DockingLane {
     fn columns(&self) -> Vec<String> {
         let names = ["x", "y", "z", "vx", "vy", "vz", "speed", "speed_limit"];
         (0..self.agents).flat_map(|deputy| names.map(|name| format!("deputy_{deputy}_{name}"))).collect()
+    }
+
+    fn parts(&self) -> Vec<ObservationPart> {
+        vec![ObservationPart { name: "deputies", shape: vec![self.agents, OBSERVATION_DIM] }]
     }
 
     fn bytes(&self) -> usize {

@@ -14,7 +14,7 @@ use super::spaces::MAX_DEBRIS;
 use super::tracks::TracksEncoder;
 use crate::batch::{
     Batch, BatchConfig, BatchEngine, BatchError, BatchLane, BatchShape, LaneOutput, ObservationMode,
-    ScenarioSource, check_task,
+    ObservationPart, ScenarioSource, check_task,
 };
 use crate::episode_rng::SeededRng;
 use crate::error::ScenarioError;
@@ -82,6 +82,20 @@ impl KesslerObserver {
         match self {
             Self::All(bodies) => SATELLITES * SATELLITE_VALUES + DEBRIS_COLUMNS * bodies,
             Self::Tracks(tracks) => tracks.total_cells(),
+        }
+    }
+
+    fn parts(&self) -> Vec<ObservationPart> {
+        let part = |name, shape| ObservationPart { name, shape };
+        match self {
+            Self::All(bodies) => vec![
+                part("satellites", vec![SATELLITES, SATELLITE_VALUES]),
+                part("debris", vec![DEBRIS_COLUMNS - 1, *bodies]),
+                part("mask", vec![*bodies]),
+            ],
+            Self::Tracks(tracks) => {
+                vec![part("tracks", vec![SATELLITES, tracks.total_cells() / SATELLITES])]
+            }
         }
     }
 
@@ -221,6 +235,10 @@ impl BatchLane for KesslerLane {
 
     fn columns(&self) -> Vec<String> {
         self.observer.columns()
+    }
+
+    fn parts(&self) -> Vec<ObservationPart> {
+        self.observer.parts()
     }
 
     fn bytes(&self) -> usize {

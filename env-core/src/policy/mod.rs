@@ -1,6 +1,7 @@
 //! Built-in policies: the interface, their description as data, and helpers for worlds that implement them.
 //!
-//! The policies themselves are in each world's `policies` module.
+//! The policies themselves are in each world's `policies` module. [`crate::policy_factory`] creates
+//! the policies of many episodes; policies from files are in the `policy-files` crate.
 
 mod typed_policy;
 
@@ -9,13 +10,16 @@ use std::any::Any;
 use serde::Serialize;
 
 pub(crate) use self::typed_policy::{HoldPolicy, PlanPolicy, TypedPolicy, erase_type};
-use crate::error::ScenarioError;
+pub use crate::error::PolicyError;
 use crate::log::ActionLog;
 
 /// A policy: chooses actions by observations.
 pub trait Policy: Send {
     /// Appends the actions of one step to `log` and closes the step.
-    fn act(&mut self, observation: &dyn Any, log: &mut ActionLog);
+    ///
+    /// # Errors
+    /// Returns [`PolicyError::Act`] if the policy has no action. Built-in policies always have one.
+    fn act(&mut self, observation: &dyn Any, log: &mut ActionLog) -> Result<(), PolicyError>;
 }
 
 /// Name of the policy of each task that follows the plan of the task's planner.
@@ -32,28 +36,10 @@ pub struct PolicySpec {
     pub stochastic: bool,
 }
 
-/// A policy that cannot be created.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum PolicyError {
-    /// The task has no policy with this name.
-    #[error("the policy must be one of {known}, got {name:?}")]
-    Unknown {
-        /// Name that was requested.
-        name: String,
-        /// Known names, separated by commas.
-        known: String,
-    },
-    /// The scenario cannot start.
-    #[error(transparent)]
-    Scenario(#[from] ScenarioError),
-}
-
-impl PolicyError {
-    /// Creates a [`PolicyError::Unknown`] that lists these policies.
-    pub(crate) fn unknown(name: &str, specs: &[PolicySpec]) -> Self {
-        let known: Vec<&str> = specs.iter().map(|spec| spec.name).collect();
-        Self::Unknown { name: name.to_owned(), known: known.join(", ") }
-    }
+/// Creates a [`PolicyError::Unknown`] that lists these policies.
+pub(crate) fn unknown_policy(name: &str, specs: &[PolicySpec]) -> PolicyError {
+    let known: Vec<&str> = specs.iter().map(|spec| spec.name).collect();
+    PolicyError::Unknown { name: name.to_owned(), known: known.join(", ") }
 }
 
 #[cfg(test)]
@@ -75,9 +61,9 @@ mod tests {
             let mut episode = task.start(&scenario).unwrap();
             let mut report = StepReport::default();
             while !episode.done() && episode.steps() < 100 {
-                local.act(episode.observation(), &mut local_log);
+                local.act(episode.observation(), &mut local_log).unwrap();
                 let json: Value = serde_json::from_str(&episode.telemetry().to_string()).unwrap();
-                remote.act(&*task.read_observation(&json).unwrap(), &mut remote_log);
+                remote.act(&*task.read_observation(&json).unwrap(), &mut remote_log).unwrap();
                 episode.step(local_log.step(local_log.len() - 1), &mut report).unwrap();
             }
             assert!(local_log == remote_log && local_log.len() > 30, "{}", task.id());

@@ -3,7 +3,7 @@
 use std::any::Any;
 use std::marker::PhantomData;
 
-use super::Policy;
+use super::{Policy, PolicyError};
 use crate::log::ActionLog;
 
 /// A policy that acts on observations of type `T`.
@@ -24,12 +24,13 @@ struct TypeErased<P, T> {
 }
 
 impl<T: Any, P: TypedPolicy<T>> Policy for TypeErased<P, T> {
-    fn act(&mut self, observation: &dyn Any, log: &mut ActionLog) {
+    fn act(&mut self, observation: &dyn Any, log: &mut ActionLog) -> Result<(), PolicyError> {
         // The policy holds on an observation of another world.
         if let Some(observation) = observation.downcast_ref::<T>() {
             self.policy.append_actions(observation, log);
         }
         log.end_step();
+        Ok(())
     }
 }
 

@@ -81,7 +81,7 @@ fn check_rollout(scenario: &Scenario, policy: &str, max_steps: u32, fields: &mut
         if episode.done() || episode.steps() >= max_steps {
             return;
         }
-        policy.act(episode.observation(), &mut log);
+        policy.act(episode.observation(), &mut log).unwrap();
         episode.step(log.step(episode.steps() as usize), &mut report).unwrap();
         assert_eq!(episode.last_reward(), report.reward);
     }

@@ -1,7 +1,9 @@
 //! Starts evaluations of policies on suites.
 
 use api_types::EvaluationRequest;
+use env_core::policy::PolicyError;
 use env_core::text::{MAX_QUOTED_CHARS, shorten};
+use policy_files::{PolicyFolder, PolicyReference};
 use store::evaluations::{self, EvaluationRow, EvaluationState};
 use store::ids::RunId;
 use store::principals::PrincipalId;
@@ -47,7 +49,7 @@ impl BeginEvaluation {
     ///
     /// # Errors
     /// Returns an error that names the first invalid field.
-    pub fn from_request(request: EvaluationRequest) -> Result<Self, ServiceError> {
+    pub fn from_request(request: EvaluationRequest, folder: &PolicyFolder) -> Result<Self, ServiceError> {
         let name = request.suite.as_deref().unwrap_or(file::DEFAULT_SUITE);
         let LoadedSuite { suite, hash } = file::built_in(name).ok_or_else(|| {
             let name = shorten(name, MAX_QUOTED_CHARS);
@@ -56,9 +58,9 @@ impl BeginEvaluation {
         check_names(&request)?;
         let run = request.run.as_deref().map(str::parse::<RunId>).transpose();
         let run = run.map_err(|error| ServiceError::invalid("run", error.to_string()))?;
-        let stochastic = match run {
-            None => is_stochastic(suite, &request.policy)?,
-            Some(_) => request.stochastic.unwrap_or(true),
+        let (policy, stochastic) = match run {
+            None => server_policy(suite, &request.policy, folder)?,
+            Some(_) => (request.policy.clone(), request.stochastic.unwrap_or(true)),
         };
         let rollouts = request.rollouts.unwrap_or(if stochastic { 8 } else { 1 });
         check_range("rollouts", rollouts, 1, MAX_GROUP_SIZE)?;
@@ -72,7 +74,7 @@ impl BeginEvaluation {
             suite: suite.name.clone(),
             suite_hash: hash.clone(),
             tasks: request.tasks.as_ref().map(to_json).transpose()?,
-            policy: request.policy,
+            policy,
             run: run.as_ref().map(RunId::to_string),
             policy_version: request.policy_version.map(i64::from),
             training: request.training,
@@ -146,23 +148,26 @@ fn entries(suite: &Suite, tasks: Option<&[String]>) -> Result<Vec<i64>, ServiceE
     Ok((0..).zip(suite.entries()).filter(|(_, entry)| wanted(entry)).map(|(position, _)| position).collect())
 }
 
-/// Returns true if a built-in policy is stochastic in some task of the suite.
-fn is_stochastic(suite: &Suite, policy: &str) -> Result<bool, ServiceError> {
-    let mut chance = false;
+/// Opens a policy that the server rolls out, and checks that it can act in all tasks of the suite. Returns its name, with the hash of
+/// its file if it has one, and true if it is stochastic in some task.
+fn server_policy(suite: &Suite, name: &str, folder: &PolicyFolder) -> Result<(String, bool), ServiceError> {
+    let invalid = |reason: String| ServiceError::invalid("policy", reason);
+    let reference = PolicyReference::parse(name);
+    let pinned = folder.pin(&reference).map_err(|error| invalid(error.to_string()))?;
+    let policy = folder.open(&pinned).map_err(|error| invalid(error.to_string()))?;
     for task in suite.tasks() {
-        let Some(spec) = task.policies().iter().find(|spec| spec.name == policy) else {
-            let known: Vec<&str> = task.policies().iter().map(|spec| spec.name).collect();
-            let policy = shorten(policy, MAX_QUOTED_CHARS);
-            let reason = format!(
-                "{} has no policy {policy:?}; choose one of {}, or set `run` to evaluate the policy of its trainer",
+        policy.check(task).map_err(|error| match error {
+            PolicyError::Unknown { known, .. } => invalid(format!(
+                "{} has no policy {:?}; choose one of {known}, a file in the server's policy folder such as onnx:model.onnx, or set `run` to \
+                 evaluate the policy of its trainer",
                 task.id(),
-                known.join(", ")
-            );
-            return Err(ServiceError::invalid("policy", reason));
-        };
-        chance |= spec.stochastic;
+                shorten(name, MAX_QUOTED_CHARS)
+            )),
+            other => invalid(format!("the suite {} has scenarios of {}: {other}", suite.name, task.id())),
+        })?;
     }
-    Ok(chance)
+    let is_stochastic = suite.tasks().into_iter().any(|task| policy.is_stochastic(task));
+    Ok((pinned.to_string(), is_stochastic))
 }
 
 impl Change for BeginEvaluation {

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use policy_files::PolicyFolder;
 use sqlx::SqlitePool;
 use tokio::sync::watch;
 
@@ -11,7 +12,7 @@ use super::readiness::ReadinessProbe;
 use crate::designs::Designers;
 use crate::engine::writer::Writer;
 use crate::leases::lease_service::LeaseService;
-use crate::limits::{BodyLimit, ClientLimits, ConcurrencyLimits, LongPollLimit, Quota};
+use crate::limits::{BodyLimit, ClientLimits, ConcurrencyLimits, LongPollLimit, Quota, RateLimit};
 use crate::rollouts::Endpoint;
 use crate::sessions::SessionManager;
 use clock::Clock;
@@ -44,6 +45,8 @@ pub struct AppState {
     pub listeners: Arc<Quota>,
     /// Quota of answers with trajectories.
     pub feed_answers: Arc<Quota>,
+    /// Limit on requests that log a trainer's metrics, for each run.
+    pub metrics_rate: Arc<RateLimit>,
     /// Concurrency limits of expensive requests.
     pub concurrency: ConcurrencyLimits,
     /// Designers of new layouts.
@@ -52,6 +55,8 @@ pub struct AppState {
     pub judges: Arc<Judges>,
     /// Language model for chat policies, if one is configured.
     pub endpoint: Option<Endpoint>,
+    /// Folder of policy files, if one is configured.
+    pub policy_folder: PolicyFolder,
     /// Limit on requests that wait for finished groups.
     pub long_polls: LongPollLimit,
     /// Check whether the database accepts writes.

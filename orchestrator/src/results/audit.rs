@@ -111,6 +111,7 @@ fn invalid_log(error: ReplayError) -> AuditOutcome {
     let detail = match error {
         ReplayError::Log(error) => error.with_parent("actions").to_string(),
         ReplayError::Scenario(error) => error.to_string(),
+        ReplayError::Policy(error) => error.to_string(),
     };
     AuditOutcome::refused(RefusalCode::InvalidLog, detail)
 }

@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use api_types::AgentResult;
 use env_core::log::Precision;
+use env_core::policy::{Policy, PolicyError};
 use env_core::task::{AgentReport, Episode, StepReport};
 use env_core::{ActionLog, JointAction, Scenario, ScenarioError, StepError, StopReason};
 use serde_json::value::RawValue;
@@ -131,9 +132,12 @@ impl<'a> EpisodeRecorder<'a> {
         TimeStep { observation: self.episode.telemetry(), reward, done }
     }
 
-    /// Lets a built-in policy act: its actions close a step of the log.
-    pub(crate) fn act(&mut self, policy: &mut dyn env_core::policy::Policy) {
-        policy.act(self.episode.observation(), &mut self.log);
+    /// Lets a policy act: its actions close a step of the log.
+    ///
+    /// # Errors
+    /// Returns the error of the policy if it has no action.
+    pub(crate) fn act(&mut self, policy: &mut dyn Policy) -> Result<(), PolicyError> {
+        policy.act(self.episode.observation(), &mut self.log)
     }
 
     /// Returns the current observation, if it is recorded and fits.

@@ -1,6 +1,7 @@
-//! Rolls out one episode by a policy: a built-in one, or a language model.
+//! Rolls out one episode by a policy: a built-in one, one from a file, or a language model.
 
 use api_types::{PolicySettings, TrajectoryMetrics};
+use env_core::policy_factory::PolicyFactory;
 use env_core::{Scenario, StopReason};
 use llm::LlmError;
 
@@ -15,23 +16,23 @@ use llm_policy::{
 pub struct RolloutOutcome {
     /// The recorded episode, or why the infrastructure lost it.
     pub episode: Result<RecordedEpisode, String>,
-    /// Metrics of the language model; `None` for a built-in policy.
+    /// Metrics of the language model; `None` for other policies.
     pub metrics: Option<TrajectoryMetrics>,
 }
 
-/// Rolls out an episode by a built-in policy.
+/// Rolls out an episode by a built-in policy or one from a file.
 #[must_use]
-pub fn roll_out_built_in(
+pub fn roll_out_policy(
     scenario: &Scenario,
-    policy: &str,
+    policy: &dyn PolicyFactory,
     seed: u64,
     budget: &RecordingBudget,
 ) -> RolloutOutcome {
     let roll_out = || -> Result<RecordedEpisode, String> {
-        let mut policy = scenario.task().policy(policy, scenario, seed).map_err(|error| error.to_string())?;
+        let mut policy = policy.create(scenario, seed).map_err(|error| error.to_string())?;
         let mut recorder = EpisodeRecorder::start(scenario, budget).map_err(|error| error.to_string())?;
         while !recorder.is_done() {
-            recorder.act(&mut *policy);
+            recorder.act(&mut *policy).map_err(|error| error.to_string())?;
             recorder.step(None).map_err(|error| error.to_string())?;
         }
         Ok(recorder.finish())

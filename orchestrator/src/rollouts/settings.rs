@@ -1,10 +1,11 @@
 //! The policy of a run: its request, its stored settings, and the changes that set it.
 
 use api_types::{PolicyRequest, PolicySettings};
-use env_core::format_shortest;
 use env_core::policy::PLANNER_POLICY;
 use env_core::text::{MAX_QUOTED_CHARS, shorten};
+use env_core::{TaskSpec, format_shortest};
 use llm::LlmClient;
+use policy_files::{PolicyFolder, PolicyReference};
 use store::ids::RunId;
 use store::run_policies::{self, RunPolicy, RunPolicyRow};
 use store::{from_json, to_json};
@@ -35,7 +36,7 @@ pub struct SetPolicy {
 }
 
 impl SetPolicy {
-    /// Checks a request.
+    /// Checks a request for a run with these tasks. Reads the policy's file, if it has one.
     ///
     /// # Errors
     /// Returns an error that names the first invalid field.
@@ -43,8 +44,14 @@ impl SetPolicy {
         run: RunId,
         request: &PolicyRequest,
         endpoint: Option<&Endpoint>,
+        folder: &PolicyFolder,
+        tasks: &[&'static dyn TaskSpec],
     ) -> Result<Self, ServiceError> {
         let policy = RunPolicy::from(request.policy.clone());
+        let reference = PolicyReference::parse(policy.as_str());
+        if reference.is_file() {
+            check_file(&reference, folder, tasks)?;
+        }
         if policy == RunPolicy::Chat && endpoint.is_none() {
             let reason = "the server has no language model for the policy chat; start it with --policy-url and --policy-model";
             return Err(ServiceError::invalid("policy", reason));
@@ -59,7 +66,9 @@ impl Change for SetPolicy {
 
     async fn apply(self, tx: &mut WriteTx) -> Result<(), ServiceError> {
         let run = tx.run(self.run.as_str()).await?;
-        if let RunPolicy::BuiltIn(name) = &self.policy {
+        if let RunPolicy::BuiltIn(name) = &self.policy
+            && !PolicyReference::parse(name).is_file()
+        {
             for plan in &run.state.settings.curriculum.tasks {
                 check_policy(&plan.task, name)?;
             }
@@ -119,6 +128,20 @@ fn settings_from_request(
     Ok(settings)
 }
 
+/// Checks that a policy file exists and its policy can act in the tasks.
+fn check_file(
+    reference: &PolicyReference,
+    folder: &PolicyFolder,
+    tasks: &[&'static dyn TaskSpec],
+) -> Result<(), ServiceError> {
+    let policy =
+        folder.open(reference).map_err(|error| ServiceError::invalid("policy", error.to_string()))?;
+    for task in tasks {
+        policy.check(*task).map_err(|error| ServiceError::invalid("policy", error.to_string()))?;
+    }
+    Ok(())
+}
+
 /// Checks that a task has a built-in policy that the server rolls out: not the planner, whose actions are the reference plan.
 fn check_policy(task: &str, policy: &str) -> Result<(), ServiceError> {
     if policy == PLANNER_POLICY {
@@ -135,7 +158,7 @@ fn check_policy(task: &str, policy: &str) -> Result<(), ServiceError> {
         specs.iter().map(|spec| spec.name).filter(|name| *name != PLANNER_POLICY).collect();
     let policy = shorten(policy, MAX_QUOTED_CHARS);
     let reason = format!(
-        "must be {}, {}, or a built-in policy of {task} ({}), got {policy:?}",
+        "must be {}, {}, a built-in policy of {task} ({}), or a file in the server's policy folder such as onnx:model.onnx, got {policy:?}",
         RunPolicy::Off,
         RunPolicy::Chat,
         known.join(", ")

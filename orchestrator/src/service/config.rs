@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use policy_files::PolicyFolder;
 use store::{OpenError, StoreError};
 
 use crate::designs::{BuiltInDesigners, Designers};
@@ -35,6 +36,8 @@ pub struct Config {
     pub judges: Arc<Judges>,
     /// Language model for runs with the policy `chat`, if one is configured.
     pub endpoint: Option<Endpoint>,
+    /// Folder of policy files that clients can evaluate and roll out, if one is configured.
+    pub policy_folder: PolicyFolder,
     /// True if OpenEnv's routes need no token. A server without tokens then serves only these routes.
     pub openenv_public: bool,
     /// Limits for each client.
@@ -59,6 +62,7 @@ impl Config {
             sessions: SessionLimits::default(),
             judges: Arc::default(),
             endpoint: None,
+            policy_folder: PolicyFolder::default(),
             openenv_public: false,
             client_limits: ClientLimits::default(),
             archived_retention: None,

@@ -26,8 +26,9 @@ use crate::http::{self, ApiSurface, ServerTls};
 use crate::leases::lease_service::LeaseService;
 use crate::limits::constants::{
     MAX_FEED_ANSWERS, MAX_FEED_ANSWERS_PER_CLIENT, MAX_LARGE_BODIES, MAX_LISTENERS, MAX_LISTENERS_PER_CLIENT,
+    METRICS_REQUESTS_PER_SECOND,
 };
-use crate::limits::{BodyLimit, ConcurrencyLimits, LongPollLimit, Quota};
+use crate::limits::{BodyLimit, ConcurrencyLimits, LongPollLimit, Quota, RateLimit};
 use crate::sessions::{SessionLimits, SessionManager};
 use crate::threads::{self, ThreadPriority};
 use crate::tokens::Token;
@@ -218,10 +219,12 @@ fn create_state(
         events: Arc::clone(&signals.events),
         listeners: Arc::new(Quota::new(MAX_LISTENERS, MAX_LISTENERS_PER_CLIENT)),
         feed_answers: Arc::new(Quota::new(MAX_FEED_ANSWERS, MAX_FEED_ANSWERS_PER_CLIENT)),
+        metrics_rate: Arc::new(RateLimit::new(METRICS_REQUESTS_PER_SECOND)),
         concurrency: ConcurrencyLimits::default(),
         designers: config.designers,
         judges: config.judges,
         endpoint: config.endpoint,
+        policy_folder: config.policy_folder,
         long_polls: LongPollLimit::new(signals.feed.subscribe(), stopped),
         readiness: http::ReadinessProbe::default(),
         stopping: Arc::clone(stopping),
@@ -261,6 +264,7 @@ fn spawn_workers(
         sessions: Arc::clone(sessions),
         designers: Arc::clone(&config.designers),
         endpoint: config.endpoint.clone(),
+        policy_folder: config.policy_folder.clone(),
         archived_retention: config.archived_retention,
     };
     workers.spawn().map_err(StartError::Threads)

@@ -8,6 +8,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
 
+use policy_files::PolicyFolder;
 use sqlx::SqlitePool;
 use store::ids::RunId;
 use store::run_policies::{self, RunPolicy, RunPolicyRow};
@@ -48,6 +49,8 @@ pub(super) struct RolloutWorker {
     pub wake: Arc<Notify>,
     /// Language model of chat policies, if one is configured.
     pub endpoint: Option<Endpoint>,
+    /// Folder of policy files, if one is configured.
+    pub policy_folder: PolicyFolder,
     /// Threads of this worker, at background priority.
     pub pool: Arc<rayon::ThreadPool>,
 }
@@ -55,7 +58,7 @@ pub(super) struct RolloutWorker {
 /// Load that a group puts on the machine or on the language model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum RolloutLoad {
-    /// A built-in policy, on the worker's threads.
+    /// A built-in policy or one from a file, on the worker's threads.
     BuiltIn,
     /// A language model, by this many concurrent episodes.
     Chat { episodes: u32 },

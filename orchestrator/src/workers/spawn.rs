@@ -5,6 +5,7 @@ use std::sync::Arc;
 use clock::Clock;
 use futures_util::FutureExt;
 use futures_util::future::BoxFuture;
+use policy_files::PolicyFolder;
 use rayon::{ThreadPool, ThreadPoolBuildError};
 use tokio::sync::watch;
 use tokio::task::JoinSet;
@@ -12,9 +13,10 @@ use tokio::task::JoinSet;
 use super::critique::CritiqueWorker;
 use super::delete_archived::ArchivedRunWorker;
 use super::design::DesignWorker;
+use super::evaluate::EvaluationWorker;
 use super::prepare::{self, PrepareWorker};
 use super::rollout::RolloutWorker;
-use super::{clock as clock_worker, delete_runs, evaluate, expire, retention, revoke_connections};
+use super::{clock as clock_worker, delete_runs, expire, retention, revoke_connections};
 use crate::designs::Designers;
 use crate::engine::signals::WorkerSignals;
 use crate::leases::lease_service::LeaseService;
@@ -40,6 +42,8 @@ pub struct WorkerConfig {
     pub designers: Arc<dyn Designers>,
     /// Language model for runs with the policy `chat`, if one is configured.
     pub endpoint: Option<Endpoint>,
+    /// Folder of policy files, if one is configured.
+    pub policy_folder: PolicyFolder,
     /// How long archived runs are kept; `None` keeps them for ever.
     pub archived_retention: Option<ArchivedRetention>,
 }
@@ -59,8 +63,8 @@ impl WorkerConfig {
     }
 
     fn jobs(self) -> Result<Vec<BoxFuture<'static, ()>>, ThreadPoolBuildError> {
-        let Self { clock, lease_service, signals, ready, sessions, designers, endpoint, archived_retention } =
-            self;
+        let (rollouts, evaluator) = self.policy_workers()?;
+        let Self { clock, lease_service, signals, ready, sessions, designers, archived_retention, .. } = self;
         let LeaseService { writer, readers, .. } = &lease_service;
         let preparer = PrepareWorker {
             readers: readers.clone(),
@@ -82,14 +86,6 @@ impl WorkerConfig {
             wake: signals.design,
             designers,
         };
-        let rollouts = RolloutWorker {
-            lease_service: lease_service.clone(),
-            readers: readers.clone(),
-            clock: clock.clone(),
-            wake: signals.rollout,
-            endpoint,
-            pool: background_pool("rollout")?,
-        };
         let archived = archived_retention.map(|retention| ArchivedRunWorker {
             readers: readers.clone(),
             writer: writer.clone(),
@@ -103,7 +99,7 @@ impl WorkerConfig {
             clock_worker::run(clock.clone(), writer.clone()).boxed(),
             retention::run(readers.clone(), writer.clone()).boxed(),
             delete_runs::run(writer.clone(), signals.delete).boxed(),
-            evaluate::run(readers.clone(), writer.clone(), background_pool("evaluate")?).boxed(),
+            evaluator.run().boxed(),
             revoke_connections::run(readers.clone(), clock, sessions).boxed(),
             critic.run().boxed(),
             designer.run().boxed(),
@@ -111,6 +107,26 @@ impl WorkerConfig {
         ];
         jobs.extend(archived.map(|worker| worker.run().boxed()));
         Ok(jobs)
+    }
+
+    /// Creates the workers that roll out policies: for runs, and for evaluations.
+    fn policy_workers(&self) -> Result<(RolloutWorker, EvaluationWorker), ThreadPoolBuildError> {
+        let rollouts = RolloutWorker {
+            lease_service: self.lease_service.clone(),
+            readers: self.lease_service.readers.clone(),
+            clock: self.clock.clone(),
+            wake: Arc::clone(&self.signals.rollout),
+            endpoint: self.endpoint.clone(),
+            policy_folder: self.policy_folder.clone(),
+            pool: background_pool("rollout")?,
+        };
+        let evaluator = EvaluationWorker {
+            readers: self.lease_service.readers.clone(),
+            writer: self.lease_service.writer.clone(),
+            policy_folder: self.policy_folder.clone(),
+            pool: background_pool("evaluate")?,
+        };
+        Ok((rollouts, evaluator))
     }
 }
 

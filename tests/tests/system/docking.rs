@@ -3,7 +3,7 @@
 use std::any::Any;
 
 use env_core::ActionLog;
-use env_core::policy::Policy;
+use env_core::policy::{Policy, PolicyError};
 use env_core::rollout::{Rollout, roll_out};
 use serde_json::{Value, json};
 use system_tests::{PolicyRollout, Server, episode_result, log_to_json, run_policy};
@@ -79,12 +79,13 @@ async fn holding_policy_never_docks() {
 struct MinimalThrust;
 
 impl Policy for MinimalThrust {
-    fn act(&mut self, _: &dyn Any, log: &mut ActionLog) {
+    fn act(&mut self, _: &dyn Any, log: &mut ActionLog) -> Result<(), PolicyError> {
         let sign = if log.len().is_multiple_of(2) { 1.0 } else { -1.0 };
         for agent in 0..5 {
             log.push_entry(agent, &[sign * 1.234_567_890_123_4e-5, sign / 3e5, -sign / 7e5]);
         }
         log.end_step();
+        Ok(())
     }
 }
 

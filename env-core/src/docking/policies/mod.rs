@@ -10,7 +10,9 @@ use self::reflex::DockingReflexParameters;
 use super::approach_law::ApproachLaw;
 use super::planner;
 use super::telemetry::DockingTelemetry;
-use crate::policy::{HoldPolicy, PLANNER_POLICY, PlanPolicy, Policy, PolicyError, PolicySpec, erase_type};
+use crate::policy::{
+    HoldPolicy, PLANNER_POLICY, PlanPolicy, Policy, PolicyError, PolicySpec, erase_type, unknown_policy,
+};
 use crate::seed::{Seed, SeedSpace};
 use crate::task::Scenario;
 
@@ -55,7 +57,7 @@ pub fn create_policy(name: &str, scenario: &Scenario, seed: u64) -> Result<Box<d
         PLANNER_POLICY => {
             erase_type::<DockingTelemetry>(PlanPolicy::new(planner::bracket(scenario)?.reference_plan))
         }
-        _ => return Err(PolicyError::unknown(name, &DOCKING_POLICIES)),
+        _ => return Err(unknown_policy(name, &DOCKING_POLICIES)),
     })
 }
 

@@ -100,7 +100,7 @@ fn policy_holds_on_a_foreign_observation() {
     let scenario = super::at_level("docking/single", 0, 1);
     assert!(scenario.task().policy("golf", &scenario, 0).is_err());
     let mut log = ActionLog::new(3, Precision::F64);
-    scenario.task().policy("heuristic", &scenario, 0).unwrap().act(&"not telemetry", &mut log);
+    scenario.task().policy("heuristic", &scenario, 0).unwrap().act(&"not telemetry", &mut log).unwrap();
     assert_eq!((log.len(), log.step(0)), (1, JointAction::HOLD));
 }
 

@@ -14,7 +14,9 @@ use self::reflex_policy::KesslerReflexPolicy;
 use super::planner;
 use super::reward::Objective;
 use super::telemetry::KesslerTelemetry;
-use crate::policy::{HoldPolicy, PLANNER_POLICY, PlanPolicy, Policy, PolicyError, PolicySpec, erase_type};
+use crate::policy::{
+    HoldPolicy, PLANNER_POLICY, PlanPolicy, Policy, PolicyError, PolicySpec, erase_type, unknown_policy,
+};
 use crate::reflex::Reflex;
 use crate::seed::{Seed, SeedSpace};
 use crate::task::Scenario;
@@ -70,7 +72,7 @@ pub fn by_name(
             let bracket = planner::bracket(objective, scenario, &|| true)?;
             erase_type::<KesslerTelemetry>(PlanPolicy::new(bracket.reference_plan))
         }
-        _ => return Err(PolicyError::unknown(name, &KESSLER_POLICIES)),
+        _ => return Err(unknown_policy(name, &KESSLER_POLICIES)),
     })
 }
 

@@ -164,7 +164,7 @@ mod tests {
                 let mut uncached = ActionLog::new(2, Precision::F64);
                 let mut report = StepReport::default();
                 for step in 0..log.len() {
-                    reflex_policy(parameters).act(episode.observation(), &mut uncached);
+                    reflex_policy(parameters).act(episode.observation(), &mut uncached).unwrap();
                     episode.step(uncached.step(step), &mut report).unwrap();
                 }
                 assert_eq!(log, uncached, "{task}, scenario {number}");

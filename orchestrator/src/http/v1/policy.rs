@@ -9,7 +9,7 @@ use store::trajectories;
 use crate::http::extract::{Json, NoQuery, Path};
 use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
-use crate::http::run_reader::acquire_run_reader;
+use crate::http::run_reader::{acquire_run_reader, find_run_tasks};
 use crate::http::state::AppState;
 use crate::rollouts::feed::MAX_UNACKED_BYTES;
 use crate::rollouts::settings::{SetPolicy, settings_from_row};
@@ -31,7 +31,8 @@ pub(super) async fn get_policy(
 /// Set the policy of a run.
 ///
 /// The server's workers roll out the policy and push finished groups to the trajectory feed of the run. `chat` uses the language
-/// model of the server's configuration; a request cannot name another one.
+/// model of the server's configuration; a request cannot name another one. `onnx:FILE` and `reflex:FILE` are files in the policy folder
+/// of the server.
 #[utoipa::path(
     put, path = "/runs/{run}/policy", tag = "trajectories", request_body = PolicyRequest,
     params(("run" = String, Path, description = "The run's id.")),
@@ -49,9 +50,15 @@ pub(super) async fn set_policy(
     Json(request): Json<PolicyRequest>,
 ) -> Result<axum::Json<RunPolicyState>, Problem> {
     let run = parse_run_id(&run)?;
-    drop(acquire_run_reader(&app, &run).await?); // an unknown run is reported before any other error
-    app.writer.change(SetPolicy::from_request(run.clone(), &request, app.endpoint.as_ref())?).await?;
-    tracing::info!(%run, policy = request.policy, "Policy of a run set.");
+    let tasks = find_run_tasks(&mut *app.readers.acquire().await?, &run, None).await?;
+    let (id, state) = (run.clone(), app.clone());
+    // A policy file is read and prepared, which takes too long for a thread of the runtime.
+    let parsed = tokio::task::spawn_blocking(move || {
+        SetPolicy::from_request(id, &request, state.endpoint.as_ref(), &state.policy_folder, &tasks)
+    });
+    let change = parsed.await.map_err(|error| Problem::invalid("policy", error.to_string()))??;
+    app.writer.change(change).await?;
+    tracing::info!(%run, "Policy of a run set.");
     Ok(axum::Json(policy_state(&app, &run).await?))
 }
 

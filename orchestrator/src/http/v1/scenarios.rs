@@ -75,6 +75,7 @@ pub(super) fn user_scenario(scenario: &Value) -> Result<Scenario, Problem> {
 pub(super) fn replay_problem(parent: &str, error: ReplayError) -> Problem {
     match error {
         ReplayError::Scenario(error) => Problem::invalid("scenario", error.to_string()),
+        ReplayError::Policy(error) => Problem::invalid("policy", error.to_string()),
         ReplayError::Log(error) if parent.is_empty() => {
             Problem::invalid(error.field().to_owned(), error.reason())
         }

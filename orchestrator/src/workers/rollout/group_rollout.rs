@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use futures_util::future::join_all;
+use policy_files::{PolicyFileError, PolicyReference};
 use rayon::prelude::*;
 use store::ids::{LeaseId, RunId};
 use store::run_policies::RunPolicy;
@@ -19,7 +20,7 @@ use crate::results::report::StoreResults;
 use crate::rollouts::group_record::GroupRecord;
 use crate::rollouts::push::{ModelUsage, PushGroup};
 use crate::rollouts::rollout_lease::{ROLLOUT_TTL_S, ReturnRolloutLease};
-use crate::rollouts::run_episode::{RolloutOutcome, roll_out_built_in, roll_out_chat};
+use crate::rollouts::run_episode::{RolloutOutcome, roll_out_chat, roll_out_policy};
 use crate::rollouts::settings::SetPolicyError;
 use crate::rollouts::{RecordingBudget, RolloutError, RolloutGroup};
 
@@ -114,7 +115,7 @@ impl RolloutWorker {
         }
     }
 
-    /// Rolls out all episodes of a group: chat episodes concurrently, those of a built-in policy on the worker's threads.
+    /// Rolls out all episodes of a group: chat episodes concurrently, those of other policies on the worker's threads.
     async fn roll_out_episodes(
         &self,
         group: &Arc<RolloutGroup>,
@@ -129,19 +130,22 @@ impl RolloutWorker {
             return Ok(join_all((0..group.size()).map(episode)).await);
         }
         let (sender, receiver) = oneshot::channel();
-        let (group, budget) = (Arc::clone(group), Arc::clone(budget));
+        let (group, budget, folder) = (Arc::clone(group), Arc::clone(budget), self.policy_folder.clone());
         self.pool.spawn(move || {
-            let policy = group.policy.policy.as_str();
-            let episode =
-                |index| roll_out_built_in(&group.scenario, policy, group.policy_seed(index), &budget);
-            let episodes = || (0..group.size()).into_par_iter().map(episode).collect::<Vec<RolloutOutcome>>();
+            let episodes = || -> Result<Vec<RolloutOutcome>, PolicyFileError> {
+                let policy = folder.open(&PolicyReference::parse(group.policy.policy.as_str()))?;
+                let episode =
+                    |index| roll_out_policy(&group.scenario, &*policy, group.policy_seed(index), &budget);
+                Ok((0..group.size()).into_par_iter().map(episode).collect())
+            };
             // A policy that panics loses its own group, and no other.
             if let Ok(outcomes) = std::panic::catch_unwind(AssertUnwindSafe(episodes)) {
                 // The receiver is gone if the service stops.
                 drop(sender.send(outcomes));
             }
         });
-        receiver.await.map_err(|_| RolloutError::Failed("a policy panicked".to_owned()))
+        let outcomes = receiver.await.map_err(|_| RolloutError::Failed("a policy panicked".to_owned()))?;
+        outcomes.map_err(|error| RolloutError::Failed(error.to_string()))
     }
 
     /// Renews the lease of a group until the future is dropped.

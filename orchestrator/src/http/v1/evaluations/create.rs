@@ -15,7 +15,7 @@ use crate::ownership::{self, RunPermission};
 
 /// Create an evaluation on a frozen suite.
 ///
-/// Without `run` the server rolls out a built-in policy. With `run` the trainer of the run leases the scenarios (`purpose: eval`,
+/// Without `run` the server rolls out a built-in policy, or a file in its policy folder (`onnx:FILE`, `reflex:FILE`). With `run` the trainer of the run leases the scenarios (`purpose: eval`,
 /// `evaluation`: this id) and reports results until no scenario is left. Only the owner of the run or an admin can create such an
 /// evaluation. Evaluation seeds are never used for training.
 #[utoipa::path(
@@ -33,7 +33,8 @@ pub(in crate::http::v1) async fn create_evaluation(
     Json(request): Json<EvaluationRequest>,
 ) -> Result<(StatusCode, axum::Json<EvaluationSummary>), Problem> {
     // A suite is read on first use, which takes too long for a thread of the runtime.
-    let parsed = tokio::task::spawn_blocking(move || BeginEvaluation::from_request(request)).await;
+    let folder = app.policy_folder.clone();
+    let parsed = tokio::task::spawn_blocking(move || BeginEvaluation::from_request(request, &folder)).await;
     let change = parsed.map_err(|error| Problem::invalid("suite", error.to_string()))??;
     if let Some(run) = change.run() {
         let mut conn = app.readers.acquire().await?;
