@@ -81,6 +81,7 @@ pub mod tokens;
 pub mod trainer_metrics;
 pub mod trajectories;
 pub mod transactions;
+pub mod views;
 pub mod write_probe;
 
 pub use backup::copy;

@@ -1,11 +1,9 @@
-//! `sparring db`: inspects, checks, copies, compacts and exports a database. One file per subcommand; [`lines`] defines the
-//! records of an export.
+//! `sparring db`: inspects, checks, copies, compacts and exports a database. One file or folder per subcommand.
 
 mod backup;
 mod check;
 mod export;
 mod info;
-mod lines;
 mod vacuum;
 
 use std::io::Write as _;

@@ -1,6 +1,7 @@
 //! `sparring db`: subcommands next to a running server, and on damaged databases.
 
 mod deep_check;
+mod export_tables;
 
 use std::os::unix::fs::MetadataExt;
 use std::os::unix::process::CommandExt;

@@ -1,4 +1,4 @@
-//! Records of an export, one per line.
+//! Records of an export: the lines of NDJSON, from which the rows of tables follow.
 
 use env_core::{ActionLog, Scenario};
 use serde::Serialize;
@@ -11,11 +11,12 @@ use store::columns::ClaimState;
 use store::compacted_leases::{CompactedClaim, CompactedEpisode, CompactedGroup, CompactedLease};
 use store::curriculum::{LevelMoveKind, LevelMoveRow};
 use store::episodes::{EpisodeRow, EpisodeState};
-use store::groups::{GroupRole, GroupRow};
+use store::groups::{GroupRole, GroupRow, GroupState};
 use store::ids::{EpisodeId, LayoutId};
 use store::layouts::LayoutRow;
 use store::leases::{LeaseRow, Purpose};
 use store::runs::{RunRow, RunStatus};
+use store::views::{MasteryRow, TrainerMetricRow};
 use store::{StoreError, from_json};
 
 /// Record of an export, tagged by its kind.
@@ -66,8 +67,22 @@ pub(super) enum ExportLine<'a> {
     },
     /// Claim of a lease's episodes in columns.
     Claim { run: &'a str, lease: String, state: ClaimState, episodes: i64, failed: i64 },
+    /// Group of episodes of one scenario.
+    Group(Box<ExportedGroup<'a>>),
     /// Episode with a reported result.
     Episode(Box<ExportedEpisode<'a>>),
+    /// Results and mastery of a task in a minute or an hour.
+    Mastery {
+        run: &'a str,
+        #[serde(flatten)]
+        row: MasteryRow,
+    },
+    /// Number that the trainer logged.
+    TrainerMetric {
+        run: &'a str,
+        #[serde(flatten)]
+        row: TrainerMetricRow,
+    },
 }
 
 /// State and counts of a claim.
@@ -76,6 +91,84 @@ pub(super) struct ExportedClaim {
     pub(super) state: ClaimState,
     pub(super) episodes: i64,
     pub(super) failed: i64,
+}
+
+/// Group of episodes of one scenario.
+#[derive(Debug, Serialize)]
+pub(super) struct ExportedGroup<'a> {
+    run: &'a str,
+    lease: String,
+    group_number: i64,
+    purpose: Purpose,
+    task: String,
+    level: Option<i64>,
+    role: GroupRole,
+    layout: Option<String>,
+    contested: bool,
+    /// Null if retention has compacted the group.
+    slot: Option<bool>,
+    /// Null if retention has compacted the group.
+    state: Option<GroupState>,
+    episodes: i64,
+    finished: i64,
+    failed: i64,
+    successes: i64,
+    policy_version: i64,
+    leased_at: String,
+    replay: &'static str,
+}
+
+impl<'a> ExportedGroup<'a> {
+    pub(super) fn new(run: &'a str, lease: &LeaseRow, group: &GroupRow) -> Self {
+        Self {
+            run,
+            lease: lease.name(),
+            group_number: group.number,
+            purpose: lease.purpose,
+            task: group.task.clone(),
+            level: group.level,
+            role: group.role,
+            layout: group.layout.map(|id| LayoutId(id).to_string()),
+            contested: group.is_contested,
+            slot: Some(group.is_slot),
+            state: Some(group.state),
+            episodes: lease.group_size,
+            finished: group.finished,
+            failed: group.failed,
+            successes: group.successes,
+            policy_version: lease.policy_version,
+            leased_at: rfc3339(lease.created_at),
+            replay: "available",
+        }
+    }
+
+    fn compacted(run: &'a str, lease: &LeaseRow, group: &CompactedGroup) -> Self {
+        let count = |wanted: fn(&CompactedEpisode) -> bool| {
+            group.episodes.iter().filter(|episode| wanted(episode)).count() as i64
+        };
+        Self {
+            run,
+            lease: lease.name(),
+            group_number: group.number,
+            purpose: lease.purpose,
+            task: group.task.clone(),
+            level: group.level,
+            role: group.role,
+            layout: group.layout.map(|id| LayoutId(id).to_string()),
+            contested: group.contested,
+            slot: None,
+            state: None,
+            episodes: lease.group_size,
+            finished: count(|episode| episode.state == EpisodeState::Finished),
+            failed: count(|episode| episode.state == EpisodeState::Failed),
+            successes: count(|episode| {
+                episode.state == EpisodeState::Finished && episode.success == Some(true)
+            }),
+            policy_version: lease.policy_version,
+            leased_at: rfc3339(lease.created_at),
+            replay: "expired",
+        }
+    }
 }
 
 /// Episode with a reported result.
@@ -161,7 +254,7 @@ impl<'a> ExportLine<'a> {
     }
 }
 
-/// Returns the lines of a compacted lease: its claim, then its episodes.
+/// Returns the records of a compacted lease: its claim, its groups, then its episodes.
 pub(super) fn compacted_lines<'a>(run: &'a str, lease: &CompactedLease) -> Vec<ExportLine<'a>> {
     let claim = lease.claim.iter().map(|CompactedClaim { state, episodes, failed }| {
         let claim = ExportedClaim { state: *state, episodes: *episodes, failed: *failed };
@@ -170,7 +263,11 @@ pub(super) fn compacted_lines<'a>(run: &'a str, lease: &CompactedLease) -> Vec<E
     let episodes = lease.episodes().map(|(group, known)| {
         ExportLine::Episode(Box::new(ExportedEpisode::compacted(run, &lease.row, group, known)))
     });
-    claim.chain(episodes).collect()
+    let groups = lease
+        .groups
+        .iter()
+        .map(|group| ExportLine::Group(Box::new(ExportedGroup::compacted(run, &lease.row, group))));
+    claim.chain(groups).chain(episodes).collect()
 }
 
 impl<'a> ExportedEpisode<'a> {
