@@ -145,6 +145,17 @@ impl ChatPolicy {
         &self.prompt
     }
 
+    /// Returns the name of the model.
+    #[must_use]
+    pub fn model(&self) -> &str {
+        &self.llm.config().model
+    }
+
+    /// Adds instructions of a user to the system message of the following steps.
+    pub fn instruct(&mut self, instructions: &str) {
+        self.prompt.add_instructions(instructions);
+    }
+
     /// Chooses the action of the next step. A reply that is not an action is repaired once.
     ///
     /// If the repair fails too, the model times out, or the endpoint's response is malformed, then the action is *hold* and

@@ -61,6 +61,12 @@ impl TaskPrompt {
         Self { codec, format, system: system.trim_end().to_owned(), world, has_tables }
     }
 
+    /// Adds instructions of a user to the system message.
+    pub fn add_instructions(&mut self, instructions: &str) {
+        self.system.push_str("\n\nInstructions of the user:\n");
+        self.system.push_str(instructions.trim());
+    }
+
     /// Returns the version of the prompt: `kessler-2`, or `kessler-2-raw` with raw observations.
     #[must_use]
     pub fn version(&self) -> String {

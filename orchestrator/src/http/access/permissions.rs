@@ -105,6 +105,7 @@ const OPERATIONS: &[Operation] = &[
     openenv("GET", "/mcp", Trainer),
     openenv("DELETE", "/mcp", Trainer),
     openenv("GET", "/ws", Trainer),
+    openenv("GET", "/harness", Trainer),
     openenv("GET", "/ws/ui", Viewer),
     openenv("GET", "/web/metadata", Viewer),
     openenv("GET", "/web/state", Viewer),

@@ -1,14 +1,16 @@
 //! OpenEnv: the routes of openenv 0.10 and openenv-core 0.3.0, so that their clients work with this server unchanged.
 //!
-//! `simulation` serves single HTTP requests, `socket` a session over a WebSocket, `mcp` the Model Context Protocol,
-//! `task_discovery` the lists of scenarios, and `web` the page. Sessions themselves are in `crate::sessions`. docs/reference/openenv.md lists the intended differences to openenv-core.
-//! Start reading at [`routes`].
+//! `simulation` serves single HTTP requests, `socket` a session over a WebSocket, `harness` turns of the server's language model, `mcp`
+//! the Model Context Protocol, `task_discovery` the lists of scenarios, and `web` the page. Sessions themselves are in `crate::sessions`.
+//! docs/reference/openenv.md lists the intended differences to openenv-core. Start reading at [`routes`].
 
 mod body;
 mod episode_boards;
 mod error_message;
 mod error_response;
 pub(super) mod fields;
+mod harness;
+mod harness_turn;
 pub(super) mod mcp;
 mod metadata;
 mod simulation;
@@ -36,7 +38,7 @@ use super::access::Caller;
 use crate::http::state::AppState;
 
 /// Paths that are served with and without a slash at the end. `/web` is a redirect to `/web/`.
-pub(super) const PATHS: [&str; 20] = [
+pub(super) const PATHS: [&str; 21] = [
     "/health",
     "/metadata",
     "/schema",
@@ -53,6 +55,7 @@ pub(super) const PATHS: [&str; 20] = [
     "/mcp",
     "/ws",
     "/ws/ui",
+    "/harness",
     "/web/metadata",
     "/web/state",
     "/web/reset",
@@ -79,6 +82,7 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(connect_mcp_session))
         .routes(routes!(connect_environment_session))
         .routes(routes!(connect_ui_session))
+        .routes(routes!(connect_harness_session))
         .route("/", get(web::home))
         .route("/web", get(web::without_slash))
         .route("/web/", get(web::page))
@@ -134,6 +138,31 @@ async fn connect_mcp_session(
             let error = ErrorResponse::new(StatusCode::METHOD_NOT_ALLOWED, "Method Not Allowed");
             ([(axum::http::header::ALLOW, "POST, DELETE")], error).into_response()
         }
+    }
+}
+
+/// Let the language model of the server act, turn by turn over a WebSocket, in OpenEnv's frames of harnesses.
+///
+/// Each message of the client is an instruction. The model then acts until the episode is over, and every call and action is an event.
+/// The query selects the scenario: `task`, `seed`, `run`.
+#[utoipa::path(
+    get, path = "/harness", tag = "openenv",
+    params(
+        ("task" = Option<String>, Query, description = "Id or name of a task (default: the first task)."),
+        ("seed" = Option<u64>, Query, description = "Seed of the first scenario."),
+        ("run" = Option<String>, Query, description = "Run from whose curriculum the episodes are leased.")
+    ),
+    responses((status = 101), (status = 404, body = Object, description = "The request is not a WebSocket upgrade."))
+)]
+async fn connect_harness_session(
+    state: State<AppState>,
+    Extension(caller): Extension<Caller>,
+    Query(query): Query<harness::HarnessQuery>,
+    upgrade: Upgrade,
+) -> Response {
+    match upgrade {
+        Ok(upgrade) => harness::connect(state, caller.identity, query, upgrade).await,
+        Err(_) => ErrorResponse::new(StatusCode::NOT_FOUND, "Not Found").into_response(),
     }
 }
 

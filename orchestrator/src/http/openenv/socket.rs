@@ -311,7 +311,7 @@ fn reject_unknown(fields: &mut FieldReader<'_>, message: &Map<String, Value>, kn
 }
 
 /// Returns an error frame.
-fn error_frame(code: &str, message: &str) -> Value {
+pub(super) fn error_frame(code: &str, message: &str) -> Value {
     json!({"type": "error", "data": {"message": message, "code": code}})
 }
 
@@ -322,7 +322,7 @@ fn validation_error(errors: &[ValidationError]) -> Value {
 }
 
 /// Returns the first errors with their fields as one sentence.
-fn summarize(errors: &[ValidationError]) -> String {
+pub(super) fn summarize(errors: &[ValidationError]) -> String {
     let mut summary: Vec<String> = errors.iter().take(MAX_SHOWN_ERRORS).map(ToString::to_string).collect();
     if errors.len() > MAX_SHOWN_ERRORS {
         summary.push(format!("and {} more", errors.len() - MAX_SHOWN_ERRORS));
@@ -338,7 +338,7 @@ fn session_error(error: &SessionError) -> Value {
     }
 }
 
-fn capacity_error(full: QuotaExceeded) -> Value {
+pub(super) fn capacity_error(full: QuotaExceeded) -> Value {
     let mut frame = error_frame("CAPACITY_REACHED", &full.to_string());
     frame["data"]["active_sessions"] = json!(full.active);
     frame["data"]["max_sessions"] = json!(full.limit);

@@ -1,6 +1,7 @@
 //! OpenEnv's routes: conformance with captured exchanges, sessions, episodes of runs, and judges.
 
 mod captured_exchanges;
+mod harness;
 mod judge;
 mod recorded_exchanges;
 mod run_sessions;

@@ -1,7 +1,7 @@
 //! Server rollouts and the trajectory feed. This file has the helpers of these tests.
 
 mod built_in_policies;
-mod chat_policy;
+pub(crate) mod chat_policy;
 mod example;
 mod faults;
 mod feed;

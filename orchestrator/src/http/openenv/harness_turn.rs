@@ -1,0 +1,106 @@
+//! A turn of a harness session: the language model acts until the episode is over.
+
+use clock::Millis;
+use llm_policy::{ChatPolicy, ChatTurn, Completion, TimeStep};
+use serde_json::{Value, json};
+
+use super::error_message::session_error_message;
+use super::step_response;
+use crate::sessions::Session;
+
+/// Name of the tool whose calls are the model's actions.
+const TOOL: &str = "step";
+
+/// Event of a turn, before it has a time.
+pub(super) struct TurnEvent {
+    /// Type of the event, such as `tool_call`.
+    pub(super) kind: &'static str,
+    /// Data of the event.
+    pub(super) data: Value,
+}
+
+/// Events of one step of a turn.
+pub(super) struct TurnEvents {
+    /// Events in the order of their occurrence.
+    pub(super) list: Vec<TurnEvent>,
+    /// End of the turn, or why the session must end with it; `None` if the turn goes on.
+    pub(super) end: Option<Result<(), String>>,
+}
+
+/// Turn of a harness session.
+pub(super) struct HarnessTurn<'a> {
+    session: &'a mut Session,
+    policy: &'a mut ChatPolicy,
+}
+
+impl<'a> HarnessTurn<'a> {
+    pub(super) const fn new(session: &'a mut Session, policy: &'a mut ChatPolicy) -> Self {
+        Self { session, policy }
+    }
+
+    /// Asks the model for an action and steps the episode by it.
+    pub(super) async fn next(&mut self) -> TurnEvents {
+        let mut list = Vec::new();
+        let end = match self.step(&mut list).await {
+            Ok(false) => None,
+            Ok(true) => {
+                list.push(TurnEvent { kind: "turn_complete", data: self.summary() });
+                Some(Ok(()))
+            }
+            Err(message) => Some(Err(message)),
+        };
+        TurnEvents { list, end }
+    }
+
+    /// Steps the episode. Returns true if it is over.
+    async fn step(&mut self, events: &mut Vec<TurnEvent>) -> Result<bool, String> {
+        let seen = self.time_step()?;
+        let turn = self.policy.act(&seen).await.map_err(|error| error.to_string())?;
+        let model = self.policy.model().to_owned();
+        for completion in &turn.completions {
+            events.extend(call_events(&model, completion));
+        }
+        let arguments = turn.action.clone();
+        events
+            .push(TurnEvent { kind: "tool_call", data: json!({"tool_name": TOOL, "arguments": arguments}) });
+        let view = self.session.step(&turn.action).await.map_err(|error| session_error_message(&error))?;
+        let result = step_response::step_value(&view);
+        let done = view.done;
+        let data = json!({"tool_name": TOOL, "result": result, "error": turn_error(&turn)});
+        events.push(TurnEvent { kind: "tool_result", data });
+        Ok(done)
+    }
+
+    /// The observation that the model acts on.
+    fn time_step(&self) -> Result<TimeStep, String> {
+        let view = self.session.view().map_err(|error| session_error_message(&error))?;
+        Ok(TimeStep { observation: view.observation(), reward: view.reward, done: view.done })
+    }
+
+    /// Data of the event that ends a turn: a sentence, and the state of the session.
+    fn summary(&self) -> Value {
+        let status = self.session.status();
+        let score = self.session.view().ok().map(|view| view.episode.outcome().score);
+        let score = score.map_or_else(String::new, |score| format!(" with a score of {score:.3}"));
+        let response = format!("The episode is over after {} steps{score}.", status.steps);
+        json!({"response": response, "done": true, "state": step_response::state_value(&status)})
+    }
+}
+
+/// Error of a turn in which the model chose no action, so that the agents hold.
+fn turn_error(turn: &ChatTurn) -> Value {
+    turn.error.as_ref().map_or(Value::Null, |error| json!(error))
+}
+
+/// Events of a call of the model: request and response.
+fn call_events(model: &str, completion: &Completion) -> [TurnEvent; 2] {
+    let request = json!({"messages": completion.messages, "model": model});
+    let usage = json!({"prompt_tokens": completion.tokens_in, "completion_tokens": completion.tokens_out});
+    let response = json!({"content": completion.text, "usage": usage, "error": completion.error});
+    [TurnEvent { kind: "llm_request", data: request }, TurnEvent { kind: "llm_response", data: response }]
+}
+
+/// Returns the frame of an event that is sent now. Its time is in seconds.
+pub(super) fn harness_event(kind: &str, data: &Value, now: Millis) -> Value {
+    json!({"type": kind, "timestamp": now as f64 / 1000.0, "data": data})
+}
