@@ -24,7 +24,7 @@ impl PolicyFileKind {
         }
     }
 
-    /// Description with its article.
+    /// Description of the kind, with its article.
     pub(crate) const fn description(self) -> &'static str {
         match self {
             Self::Onnx => "an ONNX policy",
@@ -39,7 +39,7 @@ impl PolicyFileKind {
 pub enum PolicyReference {
     /// A built-in policy, by its name.
     BuiltIn(String),
-    /// A policy file.
+    /// A policy in a file.
     File {
         /// Kind of the file.
         kind: PolicyFileKind,

@@ -160,8 +160,19 @@ async fn thin(conn: &mut SqliteConnection, run: &str) -> Result<(), StoreError> 
     Ok(())
 }
 
-/// Reads the points of a run's metrics, or of one, that were reported from `from` to `to`, in the order of names and steps. A metric
-/// with more than `points` reports has `points` means of successive reports.
+/// Window of a query of metrics.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MetricWindow {
+    /// Time of the first report.
+    pub from: Millis,
+    /// Time of the last report.
+    pub to: Millis,
+    /// Largest number of points of a metric.
+    pub points: u32,
+}
+
+/// Reads the points of a run's metrics, or of one, in the order of names and steps. A metric with more reports in the window than
+/// `points` has `points` means of successive reports.
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if the query fails.
@@ -169,9 +180,9 @@ pub async fn curves(
     conn: &mut SqliteConnection,
     run: &str,
     name: Option<&str>,
-    (from, to): (Millis, Millis),
-    points: u32,
+    window: MetricWindow,
 ) -> Result<Vec<MetricPoint>, StoreError> {
+    let MetricWindow { from, to, points } = window;
     Ok(sqlx::query_as!(
         MetricPoint,
         r#"SELECT name AS "name!: String", max(step) AS "step!: i64", max(at) AS "at!: i64", avg(value) AS "value: f64" FROM (
@@ -215,7 +226,8 @@ mod tests {
         sqlx::raw_sql(POINTS).execute(&mut conn).await.unwrap();
         let values = vec![("kl".parse().unwrap(), Some(1.0)), ("loss".parse().unwrap(), Some(4001.0))];
         put(&mut conn, "r", &MetricsAtStep { step: 4001, values }, 4001).await.unwrap();
-        let points = curves(&mut conn, "r", None, (0, 5000), 10_000).await.unwrap();
+        let points =
+            curves(&mut conn, "r", None, MetricWindow { from: 0, to: 5000, points: 10_000 }).await.unwrap();
         let steps = |name: &str| -> Vec<i64> {
             points.iter().filter(|point| point.name == name).map(|point| point.step).collect()
         };

@@ -27,6 +27,21 @@ pub struct BatchOutput<'a> {
     pub executed_actions: &'a mut [f32],
 }
 
+/// The buffers that a lane writes in a step.
+#[derive(Debug)]
+pub struct LaneOutput<'a> {
+    /// Reward of each agent.
+    pub rewards: &'a mut [f32],
+    /// Reward of the team.
+    pub team_reward: &'a mut f32,
+    /// True if an agent has left in this or an earlier step.
+    pub terminated: &'a mut [bool],
+    /// True if the horizon cut an agent off in this step.
+    pub truncated: &'a mut [bool],
+    /// Actions along the world's axes; empty if the caller does not need them.
+    pub executed_actions: &'a mut [f32],
+}
+
 /// Buffers of one batch for callers without buffers of their own; [`BatchOutput`] describes the fields.
 #[derive(Debug, Clone)]
 pub struct BatchBuffers {

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 use serde_json::Value;
 
+use super::buffers::LaneOutput;
 use super::rows::{Row, Rows};
 use super::{
     Autoreset, Batch, BatchConfig, BatchError, BatchOutput, BatchShape, MAX_ENVS, MAX_UNFAIR_STARTS,
@@ -62,21 +63,6 @@ pub trait BatchLane: Send + Sized {
 
     /// Memory of the lane, in bytes.
     fn bytes(&self) -> usize;
-}
-
-/// The buffers that a lane writes in a step.
-#[derive(Debug)]
-pub struct LaneOutput<'a> {
-    /// Reward of each agent.
-    pub rewards: &'a mut [f32],
-    /// Reward of the team.
-    pub team_reward: &'a mut f32,
-    /// True if an agent has left in this or an earlier step.
-    pub terminated: &'a mut [bool],
-    /// True if the horizon cut an agent off in this step.
-    pub truncated: &'a mut [bool],
-    /// Actions along the world's axes; empty if the caller does not need them.
-    pub executed_actions: &'a mut [f32],
 }
 
 /// A batch of one world's lanes.

@@ -20,8 +20,8 @@ use std::sync::Arc;
 
 use serde_json::Value;
 
-pub use self::buffers::{BatchBuffers, BatchOutput};
-pub use self::engine::{BatchEngine, BatchLane, LaneOutput};
+pub use self::buffers::{BatchBuffers, BatchOutput, LaneOutput};
+pub use self::engine::{BatchEngine, BatchLane};
 use crate::error::ScenarioError;
 use crate::scene::Scene;
 use crate::seed::{Seed, SeedSpace};

@@ -7,6 +7,8 @@
 mod episode;
 mod network;
 mod settings;
+#[cfg(test)]
+mod tests;
 
 use std::collections::HashMap;
 use std::panic::AssertUnwindSafe;

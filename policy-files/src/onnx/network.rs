@@ -116,7 +116,7 @@ impl Network {
     }
 
     /// Runs the network and returns its first output.
-    fn evaluate(&self, observation: &[f32]) -> Result<Tensor, String> {
+    pub(super) fn evaluate(&self, observation: &[f32]) -> Result<Tensor, String> {
         let tensor = |input: &NetworkInput| {
             Tensor::from_shape(&input.shape, &observation[input.first..input.first + input.len])
                 .map(TValue::from)

@@ -18,7 +18,7 @@ enum DeclaredObservation {
     Telemetry,
 }
 
-/// Settings of a model. What it does not declare has the default of the task.
+/// Settings of a model. An undeclared setting has the default of the task.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(super) struct ModelSettings {
     /// World and its version, such as `kessler@1`.

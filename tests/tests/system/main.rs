@@ -32,6 +32,7 @@ mod openenv_clients;
 mod physics;
 mod plans;
 mod play;
+mod policy_files;
 mod printed_commands;
 mod python_stubs;
 mod report;

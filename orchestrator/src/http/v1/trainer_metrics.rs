@@ -6,7 +6,7 @@ use api_types::{
     TrainerMetric, TrainerMetrics, TrainerMetricsQuery, TrainerMetricsReceipt, TrainerMetricsRequest,
 };
 use axum::extract::State;
-use store::trainer_metrics::{self, MetricName, MetricPoint};
+use store::trainer_metrics::{self, MetricName, MetricPoint, MetricWindow};
 
 use super::time_window::{TimeWindow, read_points};
 use crate::http::extract::{Json, NoQuery, Path, Query};
@@ -78,8 +78,8 @@ pub(super) async fn get_trainer_metrics(
     let mut conn = acquire_run_reader(&app, &run).await?;
     let now = app.clock.now();
     let window = TimeWindow::read(&mut conn, &run, query.from.as_ref(), query.to.as_ref(), now).await?;
-    let points = read_points(query.points)?;
-    let (name, range) = (name.as_ref().map(MetricName::as_str), (window.from, window.to));
-    let points = trainer_metrics::curves(&mut conn, run.as_str(), name, range, points).await?;
+    let window = MetricWindow { from: window.from, to: window.to, points: read_points(query.points)? };
+    let name = name.as_ref().map(MetricName::as_str);
+    let points = trainer_metrics::curves(&mut conn, run.as_str(), name, window).await?;
     Ok(axum::Json(TrainerMetrics { metrics: metrics_of(points) }))
 }
