@@ -25,11 +25,12 @@ from .tasks import Param, Task, levels, parameter_space, task, tasks
 from .vector import VectorEnvironment, make_vec
 
 if TYPE_CHECKING:
-    # Not in `__all__`, so that `from sparring import *` works without the optional dependencies of the clients.
+    # Not in `__all__`, so that `from sparring import *` works without the optional dependencies of clients and exports.
     from .client import ApiError as ApiError
     from .client import AsyncClient as AsyncClient
     from .client import Client as Client
     from .client import ServerUnreachableError as ServerUnreachableError
+    from .onnx_export import export_onnx as export_onnx
 
 __all__ = [
     "ENVIRONMENTS",
@@ -65,9 +66,13 @@ register()
 
 
 def __getattr__(name: str) -> object:
-    # The clients have optional dependencies and are slow to import.
+    # The clients and exports have optional dependencies and are slow to import.
     if name in ("Client", "AsyncClient", "ApiError", "ServerUnreachableError"):
         from . import client
 
         return getattr(client, name)
+    if name == "export_onnx":
+        from .onnx_export import export_onnx
+
+        return export_onnx
     raise AttributeError(f"module 'sparring' has no attribute {name!r}")
