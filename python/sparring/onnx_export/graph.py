@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import inspect
 import io
 import warnings
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -16,6 +14,7 @@ import torch
 from torch import nn
 
 from .interface import OBSERVATIONS, ROWS, PolicyInterface
+from .source_policy import evaluating
 
 #: Version of ONNX's operators: the newest that the exporter of torch 1.13 has.
 OPSET = 17
@@ -66,7 +65,7 @@ class PolicyModule(nn.Module):
         self.network = network
         self.interface = interface
         self.shapes = shapes
-        self.normalizations = nn.ModuleDict(normalizations)
+        self.normalizations = nn.ModuleDict(normalizations).to(device_of(network))
         self.is_squashed = is_squashed
 
     def forward(self, *inputs: Any) -> Any:
@@ -86,6 +85,11 @@ class PolicyModule(nn.Module):
         return output if len(shape) == 1 else output.reshape(-1, *shape)
 
 
+def device_of(module: nn.Module) -> Any:
+    """Returns the device of a module's first parameter, the CPU without any."""
+    return next((parameter.device for parameter in module.parameters()), torch.device("cpu"))
+
+
 def run_module(module: PolicyModule, inputs: dict[str, npt.NDArray[np.float32]]) -> npt.NDArray[np.float32]:
     """Runs the module on arrays.
 
@@ -94,7 +98,7 @@ def run_module(module: PolicyModule, inputs: dict[str, npt.NDArray[np.float32]])
     """
     expected = (len(next(iter(inputs.values()))), *module.interface.output_shape)
     try:
-        with _evaluating(module), torch.no_grad():
+        with evaluating(module), torch.no_grad():
             output = module(*_tensors(module, inputs))
     except (RuntimeError, TypeError, ValueError, KeyError, AttributeError) as error:
         shapes = ", ".join(f"{name} {[ROWS, *shape]}".replace("'", "") for name, shape in module.interface.inputs.items())
@@ -119,7 +123,7 @@ def build_graph(module: PolicyModule, inputs: dict[str, npt.NDArray[np.float32]]
     # Newer versions of torch have a second exporter, which needs more packages and writes newer operators.
     exporter = {"dynamo": False} if "dynamo" in inspect.signature(torch.onnx.export).parameters else {}
     try:
-        with _evaluating(module), torch.no_grad(), warnings.catch_warnings():
+        with evaluating(module), torch.no_grad(), warnings.catch_warnings():
             for category in (DeprecationWarning, FutureWarning):
                 warnings.simplefilter("ignore", category)
             torch.onnx.export(
@@ -166,17 +170,5 @@ def _check_graph(graph: onnx.ModelProto) -> None:
 
 
 def _tensors(module: nn.Module, inputs: dict[str, npt.NDArray[np.float32]]) -> tuple[Any, ...]:
-    device = next((parameter.device for parameter in module.parameters()), torch.device("cpu"))
+    device = device_of(module)
     return tuple(torch.from_numpy(np.ascontiguousarray(array)).to(device) for array in inputs.values())
-
-
-@contextlib.contextmanager
-def _evaluating(module: nn.Module) -> Iterator[None]:
-    """Sets all parts of a module to evaluation, and restores them."""
-    modes = [(part, part.training) for part in module.modules()]
-    module.eval()
-    try:
-        yield
-    finally:
-        for part, is_training in modes:
-            part.training = is_training

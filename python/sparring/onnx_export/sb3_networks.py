@@ -16,7 +16,7 @@ from torch import nn
 
 from ..errors import invalid
 from .interface import ActionShape
-from .source_policy import SourcePolicy
+from .source_policy import SourcePolicy, evaluating
 
 
 def is_algorithm(model: Any) -> bool:
@@ -33,7 +33,8 @@ def read_algorithm(model: Any) -> SourcePolicy:
     policy = model.policy
 
     def predict(observations: Any) -> npt.NDArray[Any]:
-        actions: npt.NDArray[Any] = policy.predict(observations, deterministic=True)[0]
+        with evaluating(policy):
+            actions: npt.NDArray[Any] = policy.predict(observations, deterministic=True)[0]
         return actions
 
     space = policy.observation_space

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,3 +29,15 @@ class SourcePolicy:
     envs: Any = None
     #: Function of the library from normalised observations to deterministic actions or choices.
     predict: Callable[[Any], npt.NDArray[Any]] | None = None
+
+
+@contextlib.contextmanager
+def evaluating(module: nn.Module) -> Iterator[None]:
+    """Sets all parts of a module to evaluation, and restores them."""
+    modes = [(part, part.training) for part in module.modules()]
+    module.eval()
+    try:
+        yield
+    finally:
+        for part, is_training in modes:
+            part.training = is_training
