@@ -1,0 +1,128 @@
+"""`sparring eval --policy onnx:FILE` measures the policy that was exported: its scores are those of its model in Python."""
+
+import json
+import statistics
+import subprocess
+
+import pytest
+
+pytest.importorskip("stable_baselines3")
+pytest.importorskip("tract")
+from conftest import BINARY, needs_server
+from curriculum_servers import local_curriculum
+from onnx_policies import FIXTURES, make, observe, rows
+from stable_baselines3 import A2C, DQN, PPO, SAC
+from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+
+import sparring
+import sparring.sb3
+
+#: Policies that the report adds.
+BASELINES = ("frozen", "blind_panel")
+MEASURES = ("score", "success", "skill", "lost", "fuel_used")
+KESSLER = ("kessler-heldout-v1", ["kessler/survival", "kessler/eco_station", "kessler/rendezvous"])
+DOCKING = ("docking-heldout-v1", ["docking/single"])
+#: Largest difference of a mean with continuous actions: that of an episode or two. Rounding changes an action by 1e-7, which
+#: rarely decides about a satellite. Discrete actions are equal.
+TOLERANCE = 0.02
+#: Largest difference of most means with continuous actions.
+MEDIAN_TOLERANCE = 1e-5
+
+
+def run_eval(file, suite):
+    """Runs `sparring eval` on a file; returns the ended process."""
+    command = [BINARY, "eval", "--suite", suite, "--policy", f"onnx:{file}", "--json"]
+    return subprocess.run(command, capture_output=True, text=True, timeout=600)
+
+
+def means(report, tasks):
+    """Returns the means of the evaluated policy by task, part and measure."""
+    return {
+        (row["task"], row["part"], measure): row[measure] and row[measure]["mean"]
+        for row in report
+        if row["policy"] not in BASELINES and row["task"] in tasks
+        for measure in MEASURES
+    }
+
+
+def compare(model, file, suite, normalize=None, **environment):
+    """Compares the scores of a file with those of its model in environments of Python."""
+    name, tasks = suite
+
+    def act(observations):
+        is_rows = not isinstance(observations, dict) and environment.get("observation") != "telemetry"
+        flat = observations.reshape(-1, observations.shape[-1]) if is_rows else observations
+        flat = normalize.normalize_obs(flat) if normalize else flat
+        actions, _ = model.predict(flat, deterministic=True)
+        return actions.reshape(*observations.shape[:2], *actions.shape[1:]) if is_rows else actions
+
+    with local_curriculum(settings={"tasks": tasks}) as curriculum:
+        result = sparring.evaluate(curriculum, act, suite=name, tasks=tasks, stochastic=False, **environment)
+    ended = run_eval(file, name)
+    assert ended.returncode == 0, ended.stderr
+    expected, measured = means(result.rows, tasks), means(json.loads(ended.stdout)["rows"], tasks)
+    assert expected.keys() == measured.keys()
+    assert len(expected) == 3 * len(tasks) * len(MEASURES)
+    is_discrete = environment.get("actions") == "discrete"
+    assert measured == pytest.approx(expected, abs=1e-9 if is_discrete else TOLERANCE)
+    differences = [abs(measured[key] - mean) for key, mean in expected.items() if mean is not None]
+    assert len(differences) >= 10
+    assert statistics.median(differences) <= MEDIAN_TOLERANCE
+
+
+@needs_server
+@pytest.mark.parametrize(
+    ("algorithm", "actions"), [(PPO, "continuous"), (SAC, "continuous"), (A2C, "discrete"), (DQN, "discrete")]
+)
+def test_rows_of_satellites_have_the_scores_of_the_model(algorithm, actions, tmp_path):
+    envs = rows(actions=actions)
+    model = make(algorithm, envs)
+    sparring.export_onnx(model, tmp_path / "policy.onnx")
+    compare(model, tmp_path / "policy.onnx", KESSLER, actions=actions)
+
+
+@needs_server
+def test_normalised_rows_have_the_scores_of_the_model(tmp_path):
+    envs = VecNormalize(rows())
+    model = make(PPO, envs)
+    observe(model, envs)
+    sparring.export_onnx(model, tmp_path / "policy.onnx")
+    compare(model, tmp_path / "policy.onnx", KESSLER, normalize=envs)
+
+
+@needs_server
+def test_other_tracks_and_axes_have_the_scores_of_the_model(tmp_path):
+    settings = {"threats": 3, "look_ahead": 25, "axes": "world"}
+    model = make(PPO, rows(**settings))
+    sparring.export_onnx(model, tmp_path / "policy.onnx")
+    compare(model, tmp_path / "policy.onnx", KESSLER, **settings)
+
+
+@needs_server
+@pytest.mark.parametrize("actions", ["continuous", "discrete"])
+def test_rows_of_deputies_have_the_scores_of_the_model(actions, tmp_path):
+    envs = VecNormalize(rows("docking/single", actions=actions))
+    model = make(PPO, envs)
+    observe(model, envs)
+    sparring.export_onnx(model, tmp_path / "policy.onnx")
+    compare(model, tmp_path / "policy.onnx", DOCKING, normalize=envs, actions=actions)
+
+
+@needs_server
+@pytest.mark.parametrize("actions", ["continuous", "discrete"])
+def test_telemetry_has_the_scores_of_the_model(actions, tmp_path):
+    settings = {"observation": "telemetry", "bodies": 320, "actions": actions}
+    envs = DummyVecEnv([lambda: sparring.Environment("kessler/survival", level=5, **settings)])
+    model = make(PPO, envs, "MultiInputPolicy")
+    sparring.export_onnx(model, tmp_path / "policy.onnx")
+    compare(model, tmp_path / "policy.onnx", KESSLER, **settings)
+
+
+@needs_server
+@pytest.mark.parametrize("fault", sorted(path.stem for path in FIXTURES.glob("faulty/*.onnx")))
+def test_faulty_file_is_named(fault):
+    file = FIXTURES / "faulty" / f"{fault}.onnx"
+    ended = run_eval(file, KESSLER[0])
+    assert ended.returncode == 2, ended.stdout
+    assert file.name in ended.stderr
+    assert "panicked" not in ended.stderr
