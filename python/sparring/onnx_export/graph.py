@@ -100,11 +100,14 @@ def run_module(module: PolicyModule, inputs: dict[str, npt.NDArray[np.float32]])
     try:
         with evaluating(module), torch.no_grad():
             output = module(*_tensors(module, inputs))
-    except (RuntimeError, TypeError, ValueError, KeyError, AttributeError) as error:
+    except Exception as error:
         shapes = ", ".join(f"{name} {[ROWS, *shape]}".replace("'", "") for name, shape in module.interface.inputs.items())
         wanted = f"{module.interface.output} {[ROWS, *module.interface.output_shape]}".replace("'", "")
         reason = str(error).strip().split("\n")[0]
         raise ValueError(f"`model` must map {shapes} to {wanted}, got an error: {reason}") from error
+    if not isinstance(output, torch.Tensor) or output.dtype != torch.float32:
+        found = getattr(output, "dtype", type(output).__name__)
+        raise ValueError(f"`model` must return {module.interface.output} as a tensor of float32, got {found}")
     if tuple(output.shape) != expected:
         raise ValueError(f"`model` must return {module.interface.output} of shape {expected}, got {tuple(output.shape)}")
     array: npt.NDArray[np.float32] = output.cpu().numpy()
@@ -136,7 +139,7 @@ def build_graph(module: PolicyModule, inputs: dict[str, npt.NDArray[np.float32]]
                 opset_version=OPSET,
                 **exporter,
             )
-    except (RuntimeError, TypeError, ValueError) as error:
+    except Exception as error:
         reason = str(error).strip().split("\n")[0]
         raise ValueError(f"`model` must consist of operators of ONNX opset {OPSET}, got an error: {reason}") from error
     graph = onnx.load_model_from_string(buffer.getvalue())

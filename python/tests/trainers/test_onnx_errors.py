@@ -43,6 +43,20 @@ class Branch(nn.Module):
         return rows[:, :2] if rows.abs().sum() > 1e9 or len(rows) == 3 else -rows[:, :2]
 
 
+class Choice(nn.Module):
+    """Network that returns choices instead of logits."""
+
+    def forward(self, rows):
+        return rows[:, :17].argmax(dim=1, keepdim=True).repeat(1, 17)
+
+
+class Pair(nn.Module):
+    """Network that returns two outputs."""
+
+    def forward(self, rows):
+        return rows[:, :17], rows[:, :17]
+
+
 class Noise(nn.Module):
     """Network whose actions are random."""
 
@@ -83,6 +97,12 @@ def test_invalid_model_is_described(module, message, file):
     with pytest.raises(ValueError, match=message):
         sparring.export_onnx(module, file, envs=sparring.make_vec("kessler/survival", 2))
     assert not list(file.parent.iterdir())
+
+
+@pytest.mark.parametrize(("module", "found"), [(Choice(), "torch.int64"), (Pair(), "tuple"), (linear(72, 17).double(), "error")])
+def test_output_of_another_type_is_described(module, found, file):
+    with pytest.raises(ValueError, match=f"`model` must .*got .*{found}"):
+        sparring.export_onnx(module, file, envs=sparring.make_vec("kessler/survival", 2, actions="discrete"))
 
 
 @pytest.mark.parametrize(
