@@ -1,8 +1,8 @@
 """Writes small ONNX policies, with samples of their outputs, and faulty files: onnx-fixtures.py FOLDER
 
-`<name>.onnx` has random weights that depend on the name only. `<name>.json` has inputs of a few rows, and the outputs that the
+`<name>.onnx` has random weights of a fixed seed. `<name>.json` has inputs of a few rows, and the outputs that the
 policy's own library computes for them: {"inputs": {name: rows}, "output": name, "outputs": rows}. Files in `faulty/` have one
-fault each, which their name says.
+fault each, which their name says; that without metadata has the default settings and never acts, so that readers can accept it.
 """
 import json, sys
 from pathlib import Path

@@ -11,7 +11,7 @@ pytest.importorskip("tract")
 from conftest import BINARY, needs_server
 from curriculum_servers import local_curriculum
 from onnx_policies import FIXTURES, make, observe, rows
-from stable_baselines3 import A2C, DQN, PPO, SAC
+from stable_baselines3 import DQN, PPO, SAC
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
 import sparring
@@ -29,9 +29,9 @@ TOLERANCE = 0.02
 MEDIAN_TOLERANCE = 1e-5
 
 
-def run_eval(file, suite):
-    """Runs `sparring eval` on a file; returns the ended process."""
-    command = [BINARY, "eval", "--suite", suite, "--policy", f"onnx:{file}", "--json"]
+def run_eval(policy, suite):
+    """Runs `sparring eval` on a policy; returns the ended process."""
+    command = [BINARY, "eval", "--suite", suite, "--policy", policy, "--json"]
     return subprocess.run(command, capture_output=True, text=True, timeout=600)
 
 
@@ -50,7 +50,7 @@ def compare(model, file, suite, normalize=None, **environment):
     name, tasks = suite
 
     def act(observations):
-        is_rows = not isinstance(observations, dict) and environment.get("observation") != "telemetry"
+        is_rows = len(model.observation_space.shape or ()) == 1
         flat = observations.reshape(-1, observations.shape[-1]) if is_rows else observations
         flat = normalize.normalize_obs(flat) if normalize else flat
         actions, _ = model.predict(flat, deterministic=True)
@@ -58,7 +58,7 @@ def compare(model, file, suite, normalize=None, **environment):
 
     with local_curriculum(settings={"tasks": tasks}) as curriculum:
         result = sparring.evaluate(curriculum, act, suite=name, tasks=tasks, stochastic=False, **environment)
-    ended = run_eval(file, name)
+    ended = run_eval(f"onnx:{file}", name)
     assert ended.returncode == 0, ended.stderr
     expected, measured = means(result.rows, tasks), means(json.loads(ended.stdout)["rows"], tasks)
     assert expected.keys() == measured.keys()
@@ -71,9 +71,7 @@ def compare(model, file, suite, normalize=None, **environment):
 
 
 @needs_server
-@pytest.mark.parametrize(
-    ("algorithm", "actions"), [(PPO, "continuous"), (SAC, "continuous"), (A2C, "discrete"), (DQN, "discrete")]
-)
+@pytest.mark.parametrize(("algorithm", "actions"), [(PPO, "continuous"), (SAC, "continuous"), (DQN, "discrete")])
 def test_rows_of_satellites_have_the_scores_of_the_model(algorithm, actions, tmp_path):
     envs = rows(actions=actions)
     model = make(algorithm, envs)
@@ -119,10 +117,32 @@ def test_telemetry_has_the_scores_of_the_model(actions, tmp_path):
 
 
 @needs_server
-@pytest.mark.parametrize("fault", sorted(path.stem for path in FIXTURES.glob("faulty/*.onnx")))
+def test_joint_policy_has_the_scores_of_the_model(tmp_path):
+    model = make(PPO, sparring.Environment("kessler/survival", level=5))
+    sparring.export_onnx(model, tmp_path / "policy.onnx")
+    compare(model, tmp_path / "policy.onnx", KESSLER)
+
+
+@needs_server
+def test_file_without_metadata_has_the_default_settings():
+    policies = [f"onnx:{FIXTURES}/faulty/no_metadata.onnx", "hold"]
+    reports = [json.loads(run_eval(policy, KESSLER[0]).stdout)["rows"] for policy in policies]
+    of_file, of_hold = (means(report, KESSLER[1]) for report in reports)
+    assert of_file == of_hold
+
+
+@needs_server
+def test_policy_of_another_world_is_rejected():
+    ended = run_eval(f"onnx:{FIXTURES}/state_docking.onnx", KESSLER[0])
+    assert ended.returncode == 2
+    assert "docking@1" in ended.stderr
+
+
+@needs_server
+@pytest.mark.parametrize("fault", sorted({path.stem for path in FIXTURES.glob("faulty/*.onnx")} - {"no_metadata"}))
 def test_faulty_file_is_named(fault):
     file = FIXTURES / "faulty" / f"{fault}.onnx"
-    ended = run_eval(file, KESSLER[0])
+    ended = run_eval(f"onnx:{file}", KESSLER[0])
     assert ended.returncode == 2, ended.stdout
     assert file.name in ended.stderr
     assert "panicked" not in ended.stderr
