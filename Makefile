@@ -84,13 +84,12 @@ test-trainers: check-cargo check-clippy check-python ## Test training with Stabl
 	cd python && SPARRING_BINARY="$(CURDIR)/target/debug/sparring" PYTHONPATH=. OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 \
 		../target/sb3-venv/bin/pytest -o addopts= -o filterwarnings=default -p no:cacheprovider --durations=5 tests/trainers
 
-test-heavy: check-cargo check-clippy check-python ## Test RLlib, TRL, loggers, ONNX and the notebook with small models (downloads about 7 GB; run by hand)
+test-heavy: check-cargo check-clippy check-python ## Test RLlib, TRL, Stable-Baselines3 and ONNX with the newest torch, loggers and the notebook (downloads about 7 GB; run by hand)
 	scripts/python-venv
 	scripts/heavy-venv
 	$(BUILD_TESTS)
-	cd python && SPARRING_BINARY="$(CURDIR)/target/debug/sparring" PYTHONPATH=. OMP_NUM_THREADS=1 \
-		../target/heavy-venv/bin/pytest -o addopts= -o filterwarnings=default -p no:cacheprovider --durations=5 tests/heavy \
-		tests/trainers/test_onnx_export.py tests/trainers/test_onnx_errors.py
+	cd python && for tests in trainers heavy; do SPARRING_BINARY="$(CURDIR)/target/debug/sparring" PYTHONPATH=. OMP_NUM_THREADS=1 \
+		../target/heavy-venv/bin/pytest -o addopts= -o filterwarnings=default -p no:cacheprovider --durations=5 tests/$$tests || exit 1; done
 
 test-llm: check-cargo check-python ## Test the designer with a small language model on this machine: MODEL=FILE.gguf
 	scripts/test-llm $(MODEL)
