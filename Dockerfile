@@ -1,7 +1,7 @@
 # Image of an OpenEnv space: serves only OpenEnv's routes, on port 8000 and without tokens. Build and run it:
 #   docker build -t sparring . && docker run -p 8000:8000 sparring
-# docs/guides/operations.md has the command that serves the whole API, with a database on a volume at /data, which belongs to the
-# user of the image.
+# scripts/container builds it without a daemon and without an image registry. docs/guides/operations.md has the command that
+# serves the whole API, with a database on a volume at /data, which belongs to the user of the image.
 FROM rust:1.95-slim-trixie AS build
 WORKDIR /src
 COPY . .
