@@ -9,7 +9,7 @@ BUILD_TESTS := SQLX_OFFLINE=true cargo build --workspace --locked --tests --lib 
 # Builds packages, and meanwhile the dashboard, which the next build includes. Without Node it is not built, and its page says so.
 build_with_dashboard = if node -e '$(NODE_CHECK)' 2>/dev/null; then $(MAKE) --no-print-directory dashboard; fi & dashboard=$$!; \
 	cargo build --locked $(1) && wait $$dashboard && cargo build --locked $(1) || { kill $$dashboard 2>/dev/null; exit 1; }
-.PHONY: help demo venv dashboard wheel test test-prerequisites test-clients test-python test-browser test-trainers test-heavy container test-container test-llm test-otlp fuzz bench bench-peers bench-python soak dist fmt lint deny sqlx check-style check-cargo check-clippy check-python check-node update-check
+.PHONY: help demo venv dashboard wheel test test-prerequisites test-clients test-python test-browser test-trainers test-heavy test-wheels container test-container test-llm test-otlp fuzz bench bench-peers bench-python soak dist fmt lint deny sqlx check-style check-cargo check-clippy check-python check-node update-check
 
 help: ## List the targets
 	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -90,6 +90,9 @@ test-heavy: check-cargo check-clippy check-python ## Test RLlib, TRL, Stable-Bas
 	$(BUILD_TESTS)
 	cd python && for tests in trainers heavy; do SPARRING_BINARY="$(CURDIR)/target/debug/sparring" PYTHONPATH=. OMP_NUM_THREADS=1 \
 		../target/heavy-venv/bin/pytest -o addopts= -o filterwarnings=default -p no:cacheprovider --durations=5 tests/$$tests || exit 1; done
+
+test-wheels: check-python ## Test both wheels on every Python at hand, without Rust (as root also on Debian's Pythons, about 300 MB of download; run by hand)
+	scripts/test-wheels
 
 container: dist ## Build the container image without a daemon or an image registry: target/container/sparring.tar (as root, with Debian's packages)
 	scripts/container
