@@ -82,7 +82,7 @@ export async function checkPage(
 }
 
 /** Checks that axe finds no serious problem of accessibility. */
-async function checkAccessibility({ page }: ObservedPage, name: string) {
+export async function checkAccessibility({ page }: ObservedPage, name: string) {
   const { violations } = await new AxeBuilder({ page }).analyze();
   const serious = violations.filter(({ impact }) => impact === "serious" || impact === "critical");
   const messages = serious.map(({ id, nodes }) => {

@@ -18,6 +18,10 @@ test("CSV has a row for each point, columns for intervals, and escaped quotes", 
   ]);
 });
 
+test("CSV of steps has no times", () => {
+  expect(csv([20], [{ label: "loss", colour: "--c0", values: [0.5] }], "step")).toBe('step,"loss"\n20,0.5\n');
+});
+
 test("a selection stays within the available interval", () => {
   const range = new TimeRange();
   range.available = { from: 0, to: 10_000 };

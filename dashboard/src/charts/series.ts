@@ -22,8 +22,8 @@ export interface Marker {
   kind: "up" | "down" | "other";
 }
 
-/** Formats curves as comma-separated values. */
-export function csv(x: number[], curves: Curve[]): string {
+/** Formats curves as comma-separated values; `x` has times in seconds since 1970, or steps. */
+export function csv(x: number[], curves: Curve[], xAxis: "time" | "step" = "time"): string {
   const quoted = (text: string) => `"${text.replaceAll('"', '""')}"`;
   const columns = curves.flatMap((curve) => [
     { name: curve.label, values: curve.values },
@@ -34,10 +34,9 @@ export function csv(x: number[], curves: Curve[]): string {
         ]
       : []),
   ]);
-  const head = ["time", ...columns.map((column) => quoted(column.name))].join(",");
-  const rows = x.map((at, i) =>
-    [new Date(1000 * at).toISOString(), ...columns.map((column) => column.values[i] ?? "")].join(","),
-  );
+  const head = [xAxis, ...columns.map((column) => quoted(column.name))].join(",");
+  const position = (at: number) => (xAxis === "time" ? new Date(1000 * at).toISOString() : at);
+  const rows = x.map((at, i) => [position(at), ...columns.map((column) => column.values[i] ?? "")].join(","));
   return [head, ...rows, ""].join("\n");
 }
 

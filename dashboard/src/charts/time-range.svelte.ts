@@ -4,6 +4,13 @@ export interface Interval {
   to: number;
 }
 
+/** Interval that charts show and that the user selects on them. */
+export interface AxisRange {
+  readonly shown: Interval;
+  select(from: number, to: number): void;
+  showAll(): void;
+}
+
 const MIN_LENGTH_S = 60;
 
 /** Returns the end of the interval to show: `to` while data arrive, else shortly after the last data. */
@@ -13,7 +20,7 @@ export function endOfData({ from, to }: Interval, last: number | undefined): num
 }
 
 /** Time interval that all charts of a page show. */
-export class TimeRange {
+export class TimeRange implements AxisRange {
   /** Interval with data. */
   available = $state<Interval>({ from: 0, to: 1 });
   /** Interval that the user selected; null shows all available data, which grow. */

@@ -47,3 +47,4 @@ export type TaskActionSpace = Schema["TaskActionSpace"];
 export type TaskParam = Schema["TaskParam"];
 export type TaskMastery = Schema["TaskMastery"];
 export type TaskSeries = Schema["TaskSeries"];
+export type TrainerMetric = Schema["TrainerMetric"];

@@ -1,5 +1,5 @@
 import { describe, expect, test } from "vitest";
-import { ago, count, fixed, formatDuration, percent, shortTask } from "./format";
+import { ago, count, fixed, formatDuration, percent, shortTask, significant } from "./format";
 
 describe("formatted numbers", () => {
   test("counts", () => {
@@ -14,6 +14,23 @@ describe("formatted numbers", () => {
       "–",
       "–",
     ]);
+  });
+  test("metrics have four significant digits", () => {
+    expect([0, 0.31, -1.23456, 1234.56, 99_999.4, 12_345_678].map(significant)).toEqual([
+      "0",
+      "0.31",
+      "-1.235",
+      "1235",
+      "100000",
+      "12.35M",
+    ]);
+    expect([1e-3, 1.23456e-5, -3e-9, 2.5e18].map(significant)).toEqual([
+      "0.001",
+      "1.235e-5",
+      "-3e-9",
+      "2.5e18",
+    ]);
+    expect([significant(null), significant(NaN)]).toEqual(["–", "–"]);
   });
   test("unknown values are a dash", () => {
     expect([fixed(null), fixed(Infinity), fixed(1.005, 1)]).toEqual(["–", "–", "1.0"]);

@@ -1,6 +1,8 @@
 /** Formats numbers and times. Times are in the time zone of the browser. */
 const whole = new Intl.NumberFormat("en", { maximumFractionDigits: 0 });
 const short = new Intl.NumberFormat("en", { notation: "compact", maximumFractionDigits: 1 });
+const significantDigits = new Intl.NumberFormat("en", { maximumSignificantDigits: 4, useGrouping: false });
+const significantShort = new Intl.NumberFormat("en", { notation: "compact", maximumSignificantDigits: 4 });
 const moment = new Intl.DateTimeFormat(undefined, { dateStyle: "medium", timeStyle: "medium" });
 const relative = new Intl.RelativeTimeFormat("en", { numeric: "auto", style: "short" });
 
@@ -20,6 +22,18 @@ export function fixed(n: number | null | undefined, digits = 2): string {
   return n === null || n === undefined || !Number.isFinite(n)
     ? "–"
     : n.toFixed(digits).replace(/^-(0(?:\.0*)?)$/, "$1");
+}
+
+/** Formats a number with four significant digits: 12345678 as "12.35M", 0.00001234 as "1.234e-5". */
+export function significant(n: number | null | undefined): string {
+  if (n === null || n === undefined || !Number.isFinite(n)) return "–";
+  const size = Math.abs(n);
+  if ((size > 0 && size < 1e-3) || size >= 1e15)
+    return n
+      .toExponential(3)
+      .replace(/\.?0+e/, "e")
+      .replace("e+", "e");
+  return (size < 100_000 ? significantDigits : significantShort).format(n);
 }
 
 /** Formats a share as a percentage. */

@@ -1,0 +1,66 @@
+/** Metrics that a trainer logged, as curves of charts. */
+import type { TrainerMetric } from "../lib/api-types";
+import type { Interval } from "./time-range.svelte";
+
+/** Axis of the charts: time of the report, or step of the trainer. */
+export type MetricAxis = "time" | "step";
+
+/** Metrics whose names have the same prefix before the last slash; it is empty for names without one. */
+export interface MetricGroup {
+  prefix: string;
+  metrics: TrainerMetric[];
+}
+
+/** Returns the part of a metric's name after its group's prefix. */
+export function shortName(name: string): string {
+  return name.slice(name.lastIndexOf("/") + 1);
+}
+
+/** Groups the metrics whose names contain all words of `filter`, in whatever case. */
+export function groupMetrics(metrics: TrainerMetric[], filter = ""): MetricGroup[] {
+  const words = filter.toLowerCase().split(/\s+/);
+  const groups = new Map<string, TrainerMetric[]>();
+  for (const metric of metrics) {
+    const name = metric.name.toLowerCase();
+    if (!words.every((word) => name.includes(word))) continue;
+    const prefix = metric.name.slice(0, Math.max(0, metric.name.lastIndexOf("/")));
+    groups.set(prefix, [...(groups.get(prefix) ?? []), metric]);
+  }
+  return [...groups]
+    .map(([prefix, metrics]) => ({ prefix, metrics }))
+    .sort((a, b) => (a.prefix < b.prefix ? -1 : 1));
+}
+
+/** Curve of a metric: positions on the axis in ascending order, and their values; null where no value was finite. */
+export function metricCurve(
+  metric: TrainerMetric,
+  axis: MetricAxis,
+): { x: number[]; values: (number | null)[] } {
+  const x = axis === "time" ? metric.at : metric.step;
+  const value = (i: number) => metric.value[i] ?? null;
+  // A training that resumes from an earlier step reports lower steps at later times.
+  const order = x.map((_, i) => i).sort((a, b) => (x[a] ?? 0) - (x[b] ?? 0));
+  return { x: order.map((i) => x[i] ?? 0), values: order.map(value) };
+}
+
+/** Returns the newest value of a metric: null if it is not finite, undefined if there is none. */
+export function lastValue(metric: TrainerMetric): number | null | undefined {
+  return metricCurve(metric, "time").values.at(-1);
+}
+
+/** Returns the first and the last step of all metrics; at least one step apart. */
+export function stepInterval(metrics: TrainerMetric[]): Interval {
+  const first = Math.min(...metrics.map((metric) => metric.step[0] ?? Infinity));
+  const last = Math.max(...metrics.map((metric) => metric.step.at(-1) ?? -Infinity));
+  return first <= last ? { from: first, to: Math.max(last, first + 1) } : { from: 0, to: 1 };
+}
+
+/** Returns the times of the points with steps in an interval; undefined if there are none. */
+export function timesOfSteps(metrics: TrainerMetric[], { from, to }: Interval): Interval | undefined {
+  const times = metrics.flatMap(({ step, at }) =>
+    at.filter((_, i) => (step[i] ?? -1) >= from && (step[i] ?? -1) <= to),
+  );
+  if (times.length === 0) return undefined;
+  const bound = (choose: (a: number, b: number) => number) => times.reduce((a, b) => choose(a, b));
+  return { from: bound(Math.min), to: bound(Math.max) };
+}
