@@ -9,7 +9,7 @@ import os
 import sys
 import weakref
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, SupportsFloat
 from urllib.parse import quote
 
 import numpy as np
@@ -19,13 +19,17 @@ from ._native import CurriculumError as CurriculumError
 from .connection import needs_token, read_token
 from .curriculum_arguments import MAX_LEASE_GROUPS, Form, Purpose, check_modes, check_numbers
 from .errors import invalid
+from .metrics import task_metrics
 from .scenario import copy_mapping, to_json
 from .server import Server
+from .trainer_metrics import MetricsSender, metrics_request
 
 #: Address of a server with default settings.
 DEFAULT_URL = "http://127.0.0.1:8700"
 #: Timeout of submitting results when a program exits without `close`, seconds.
 EXIT_TIMEOUT_S = 15.0
+#: Timeout of sending the last metrics of the trainer when the curriculum is closed, seconds.
+METRICS_TIMEOUT_S = 5.0
 #: Number of environments from which on `form="auto"` uses columns.
 MIN_COLUMN_ENVS = 256
 #: Maximum number of episodes of a lease of groups.
@@ -105,6 +109,7 @@ class Curriculum:
             raise ValueError(f"`settings` must be omitted with `run`: {run!r} exists and keeps its settings")
         self.run = run
         self._run_path = f"/v1/runs/{quote(run, safe='')}"
+        self._metrics = MetricsSender(functools.partial(self._http.request, "POST", f"{self._run_path}/metrics", max_wait_s=0.0))
         summary = self.request("GET", self._run_path)
         self._run_group_size = int(summary["settings"]["group_size"])
         #: Tasks of the run.
@@ -264,22 +269,31 @@ class Curriculum:
         """
         metrics: dict[str, float] = {}
         for row in self.mastery():
-            task = row["task"]
-            # There is no level during placement, nor with strategies without levels.
-            mastery, results = (row["mastery"] or {}) if row["placement_done"] else {}, row["results"]
-            values = {
-                "level": row["level"],
-                "mastery": mastery.get("mean"),
-                "mastery_q10": mastery.get("q10"),
-                "mastery_q90": mastery.get("q90"),
-                **{name: results[name] for name in ("success", "score", "skill")},
-                "zero_variance_share": row["group_counts"]["zero_variance_share"],
-                **{f"params/{name}": value for name, value in row["params"].items()},
-            }
-            metrics.update({f"{task}/{name}": float(value) for name, value in values.items() if value is not None})
+            metrics.update(task_metrics(row))
         stats = self.stats()
         metrics.update({f"episodes/{name}": float(value) for name, value in stats.items() if isinstance(value, (int, float))})
         return metrics
+
+    def log_metrics(self, step: int, metrics: Mapping[str, SupportsFloat | None]) -> None:
+        """Logs metrics of the trainer, such as a loss, which the dashboard shows beside the curriculum's.
+
+        A thread sends them, so that a training never waits for the server. Metrics that the server refuses, such as more than
+        ten calls a second, and those during an outage are dropped with one warning.
+
+        Args:
+            step: Step of the trainer, such as its number of environment steps, from 0 to 2^53 - 1. Metrics of the same step are
+                replaced.
+            metrics: Numbers by name, at most 100 in a run. Numbers that are not finite are stored as gaps. Characters of names
+                other than a-z, A-Z, 0-9, `_`, `.`, `:`, `/` and `-` become `_`; names are cut to 128 characters.
+
+        Raises:
+            ValueError: The step or a metric is invalid, or there are more than 100 metrics.
+            CurriculumError: The curriculum belongs to another process.
+        """
+        self._check_process()
+        request = metrics_request(step, metrics)
+        if metrics:
+            self._metrics.add(request)
 
     def request(self, method: str, path: str, body: Any = None) -> Any:
         """Sends any request to the server and returns its JSON; `sparring.Client` has all operations with types.
@@ -302,7 +316,7 @@ class Curriculum:
         self._http.request("GET", self._run_path, max_wait_s=self._lease_settings["max_wait_s"], wait_for_server=wait)
 
     def flush(self, timeout_s: float = 60.0) -> None:
-        """Waits until the results of all complete leases are submitted.
+        """Waits until the results of all complete leases are submitted, and the trainer's metrics are sent.
 
         Raises:
             CurriculumError: The results are not submitted in time, or the server refused some.
@@ -310,6 +324,7 @@ class Curriculum:
         self._check_process()
         if self._native is not None:
             self._native.flush(timeout_s)
+        self._metrics.flush(timeout_s)
 
     def close(self, timeout_s: float = 60.0) -> None:
         """Submits results, releases unfinished episodes, and stops a local server; does nothing in a forked process.
@@ -334,6 +349,7 @@ class Curriculum:
 
     def _end(self) -> None:
         self._closed = True
+        self._metrics.flush(METRICS_TIMEOUT_S)
         atexit.unregister(self._exit_hook)
         if self._server is not None:
             self._server.stop()
@@ -352,7 +368,7 @@ class Curriculum:
 
     def _at_exit(self) -> None:
         # A forked process has no results of its own: its parent submits them.
-        if self._native is not None and not self._closed and os.getpid() == self._pid:
+        if (self._native is not None or self._metrics.is_busy) and not self._closed and os.getpid() == self._pid:
             try:
                 self.close(EXIT_TIMEOUT_S)
             except CurriculumError as error:

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import importlib
 import os
-import re
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -24,6 +23,7 @@ import numpy as np
 
 from .errors import invalid
 from .metrics import MetricsSource, read_metrics
+from .trainer_metrics import TrainerReport, replace_characters
 
 #: Metric of W&B with the step of each call, the x axis of the curriculum's charts.
 WANDB_STEP = "curriculum/step"
@@ -36,10 +36,13 @@ class CurriculumLogger(ABC):
 
     Args:
         curriculum: Curriculum, or another source of its metrics, such as `sparring.trl.EnvironmentFactory`.
+        report: False to send the numbers of the training loop to the tracker only. Otherwise the dashboard of the curriculum's
+            server shows them, too.
     """
 
-    def __init__(self, curriculum: MetricsSource) -> None:
+    def __init__(self, curriculum: MetricsSource, *, report: bool = True) -> None:
         self._source = curriculum
+        self._report = TrainerReport(curriculum if report else None, interval_s=0.0)
         self._next_step = 0
 
     def log(self, step: int | None = None, extra: Mapping[str, SupportsFloat] | None = None) -> dict[str, float]:
@@ -50,7 +53,8 @@ class CurriculumLogger(ABC):
         Args:
             step: Position on the x axis, an integer >= 0. None: the next step of the tracker. MLflow and TensorBoard have none:
                 there it is one more than the step of the last call, from 0.
-            extra: Other numbers to send at this step, under their own names.
+            extra: Other numbers to send at this step, under their own names. They are also sent to the curriculum's run
+                (`Curriculum.log_metrics`), without a step at one more than the step of the last call.
 
         Returns:
             The numbers that were sent, by the names that the tracker has for them.
@@ -60,8 +64,9 @@ class CurriculumLogger(ABC):
         """
         if step is not None and (isinstance(step, bool) or not isinstance(step, (int, np.integer)) or step < 0):
             raise invalid("step", "an integer >= 0, or None for the next step", step)
-        values: dict[str, SupportsFloat] = {**read_metrics(self._source), **(extra or {})}
-        numbers = {self._valid_name(name): float(value) for name, value in values.items()}
+        numbers = {name: float(value) for name, value in (extra or {}).items()}
+        self._report.add(self._next_step if step is None else int(step), numbers)
+        numbers = {self._valid_name(name): value for name, value in {**read_metrics(self._source), **numbers}.items()}
         if numbers:
             self._send(numbers, None if step is None else int(step))
         self._next_step = (self._next_step if step is None else int(step)) + 1
@@ -95,14 +100,15 @@ class WandbLogger(CurriculumLogger):
     Args:
         curriculum: As for `CurriculumLogger`.
         run: Run of `wandb.init`; None for the active one.
+        report: As for `CurriculumLogger`.
 
     Raises:
         ImportError: wandb is not installed.
         ValueError: No run is active.
     """
 
-    def __init__(self, curriculum: MetricsSource, run: Any = None) -> None:
-        super().__init__(curriculum)
+    def __init__(self, curriculum: MetricsSource, run: Any = None, *, report: bool = True) -> None:
+        super().__init__(curriculum, report=report)
         wandb = _import("wandb", "WandbLogger needs wandb: pip install wandb")
         self._run = _require(wandb.run if run is None else run, "wandb.init()")
         self._run.define_metric(WANDB_STEP, hidden=True)
@@ -131,14 +137,15 @@ class MlflowLogger(CurriculumLogger):
     Args:
         curriculum: As for `CurriculumLogger`.
         run: Run of `mlflow.start_run`, or its id; None for the active one.
+        report: As for `CurriculumLogger`.
 
     Raises:
         ImportError: mlflow is not installed.
         ValueError: No run is active.
     """
 
-    def __init__(self, curriculum: MetricsSource, run: Any = None) -> None:
-        super().__init__(curriculum)
+    def __init__(self, curriculum: MetricsSource, run: Any = None, *, report: bool = True) -> None:
+        super().__init__(curriculum, report=report)
         mlflow = _import("mlflow", "MlflowLogger needs mlflow: pip install mlflow")
         run = _require(mlflow.active_run() if run is None else run, "mlflow.start_run()")
         self._run_id = run if isinstance(run, str) else run.info.run_id
@@ -152,8 +159,7 @@ class MlflowLogger(CurriculumLogger):
 
     def _valid_name(self, name: str) -> str:
         """Returns the name with the characters that MLflow accepts."""
-        parts = re.sub(r"[^/\w.\- :]", "_", name).split("/")
-        return "/".join(part for part in parts if part.strip("."))
+        return replace_characters(name, r"\w.\- :")
 
 
 class TrackioLogger(CurriculumLogger):
@@ -164,14 +170,15 @@ class TrackioLogger(CurriculumLogger):
     Args:
         curriculum: As for `CurriculumLogger`.
         run: Run of `trackio.init`; None for the active one.
+        report: As for `CurriculumLogger`.
 
     Raises:
         ImportError: trackio is not installed.
         ValueError: No run is active.
     """
 
-    def __init__(self, curriculum: MetricsSource, run: Any = None) -> None:
-        super().__init__(curriculum)
+    def __init__(self, curriculum: MetricsSource, run: Any = None, *, report: bool = True) -> None:
+        super().__init__(curriculum, report=report)
         trackio = _import("trackio", "TrackioLogger needs trackio: pip install trackio")
         # The active run of a thread is invisible to other threads, so `trackio.log` would fail there.
         self._run = _require(trackio.context_vars.current_run.get() if run is None else run, "trackio.init()")
@@ -187,13 +194,14 @@ class TensorBoardLogger(CurriculumLogger):
         curriculum: As for `CurriculumLogger`.
         writer: Folder of the event file, or a writer such as `torch.utils.tensorboard.SummaryWriter`. The logger closes the
             event file of a folder; the caller closes the writer.
+        report: As for `CurriculumLogger`.
 
     Raises:
         ImportError: `writer` is a folder, and tensorboard is not installed.
     """
 
-    def __init__(self, curriculum: MetricsSource, writer: str | os.PathLike[str] | Any) -> None:
-        super().__init__(curriculum)
+    def __init__(self, curriculum: MetricsSource, writer: str | os.PathLike[str] | Any, *, report: bool = True) -> None:
+        super().__init__(curriculum, report=report)
         self._file = _EventFile(os.fspath(writer)) if isinstance(writer, (str, os.PathLike)) else None
         self._writer: Any = self._file or writer
 

@@ -27,6 +27,7 @@ from gymnasium.vector.utils import batch_space
 
 try:
     from ray.rllib.callbacks.callbacks import RLlibCallback
+    from ray.rllib.core import ALL_MODULES
     from ray.rllib.env.multi_agent_env import MultiAgentEnv
     from ray.tune.registry import register_env
 
@@ -39,6 +40,7 @@ except ImportError as error:
 from .curriculum import DEFAULT_URL, Curriculum, CurriculumError
 from .errors import invalid
 from .parallel import ParallelEnvironment, parallel_env
+from .trainer_metrics import TrainerReport
 from .vector import VectorEnvironment, make_vec
 
 #: RLlib's name of `team_env`: one agent acts for a whole environment.
@@ -280,11 +282,18 @@ class CurriculumCallback(RLlibCallback):
     The version is the number of iterations, added to the newest version of the run. Results have `curriculum/…`:
     mastery, level, params, skill, the share of zero-variance groups, and the episode counts of all env runners. Episodes that
     the curriculum only measures are removed from the samples.
+
+    The numbers of the learners (`learners/…`) and the mean return and length of episodes are sent to the curriculum's run with
+    the number of iterations, at most once a second. A derived class with `report = False` does not send them.
     """
+
+    #: True to send numbers of the learners to the server.
+    report = True
 
     def __init__(self) -> None:
         super().__init__()
         self._curriculum: Curriculum | None = None
+        self._report = TrainerReport(None)
         self._first_version = 0
         #: Ids of running episodes that are not learned from.
         self._excluded: set[str] = set()
@@ -296,6 +305,7 @@ class CurriculumCallback(RLlibCallback):
             # It runs no episodes: env runners have curricula of their own.
             url, token = arguments.get("url", DEFAULT_URL), arguments.get("token")
             self._curriculum = Curriculum(url, arguments["run"], token=token)
+            self._report = TrainerReport(self._curriculum if self.report else None)
             self._start(algorithm, self._curriculum)
 
     def _start(self, algorithm: Any, curriculum: Curriculum) -> None:
@@ -303,9 +313,10 @@ class CurriculumCallback(RLlibCallback):
         _set_policy_version(algorithm, self._first_version + algorithm.iteration)
 
     def on_train_result(self, *, algorithm: Any, result: dict[str, Any], **_: Any) -> None:
-        """Sets the policy version and adds the metrics."""
+        """Sets the policy version, adds the metrics, and reports those of the learners."""
         if self._curriculum is None:
             return
+        self._report.add(result["training_iteration"], _learner_metrics(result))
         stats = _set_policy_version(algorithm, self._first_version + result["training_iteration"])
         try:
             metrics = self._curriculum.metrics()
@@ -335,6 +346,16 @@ class CurriculumCallback(RLlibCallback):
             ended = {episode.id_ for episode in samples if episode.is_done}
             samples[:] = [episode for episode in samples if episode.id_ not in self._excluded]
             self._excluded -= ended
+
+
+def _learner_metrics(result: Mapping[str, Any]) -> dict[str, object]:
+    """Returns the results of each module's learner, and the mean return and length of episodes, by path."""
+    episodes = result.get("env_runners", {})
+    metrics = {f"env_runners/{name}": episodes.get(name) for name in ("episode_return_mean", "episode_len_mean")}
+    for module, results in result.get("learners", {}).items():
+        if module != ALL_MODULES:  # it has counts and timers
+            metrics |= {f"learners/{module}/{name}": value for name, value in results.items()}
+    return metrics
 
 
 def _first_info(episode: Any) -> Mapping[str, Any]:

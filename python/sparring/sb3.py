@@ -9,7 +9,7 @@ model.learn(1_000_000, callback=sparring.sb3.CurriculumCallback(curriculum))
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import islice
 from typing import Any
 
@@ -20,6 +20,7 @@ from gymnasium import spaces
 try:
     from stable_baselines3.common.buffers import RolloutBuffer
     from stable_baselines3.common.callbacks import BaseCallback
+    from stable_baselines3.common.logger import KVWriter
     from stable_baselines3.common.monitor import Monitor
     from stable_baselines3.common.vec_env import VecEnv
 except ImportError as error:
@@ -28,6 +29,7 @@ except ImportError as error:
 from .curriculum import Curriculum
 from .errors import invalid
 from .metrics import read_metrics
+from .trainer_metrics import TrainerReport
 from .vector import VectorEnvironment, make_vec
 
 
@@ -266,15 +268,19 @@ class ActiveRolloutBuffer(RolloutBuffer):
 class CurriculumCallback(BaseCallback):
     """Increments the policy version with every rollout, and logs the curriculum's metrics with the learner's.
 
+    It sends the numbers of the learner's logger (`train/…`, `rollout/…`, `time/…`) to the curriculum's run, at most once a
+    second, when the logger writes them.
+
     Args:
         curriculum: Curriculum of the environments.
         every: Number of rollouts between two logs, >= 1.
+        report: False to send no numbers of the learner to the server.
 
     Raises:
         ValueError: `every` is no integer >= 1.
     """
 
-    def __init__(self, curriculum: Curriculum, every: int = 5) -> None:
+    def __init__(self, curriculum: Curriculum, every: int = 5, report: bool = True) -> None:
         super().__init__()
         self.curriculum = curriculum
         if isinstance(every, bool) or not isinstance(every, int) or every < 1:
@@ -283,6 +289,18 @@ class CurriculumCallback(BaseCallback):
         self._rollouts = 0
         # A resumed run already has versions: this training continues from the newest.
         self._first_version = curriculum.policy_version
+        self._writer = _ReportWriter(TrainerReport(curriculum if report else None))
+
+    def _on_training_start(self) -> None:
+        if self._writer not in self.logger.output_formats:  # a training that failed leaves it there
+            self.logger.output_formats.append(self._writer)
+
+    def _on_training_end(self) -> None:
+        if self._writer in self.logger.output_formats:
+            self.logger.output_formats.remove(self._writer)
+        # The logger has not written the numbers of the last update.
+        self._writer.write(self.logger.name_to_value, {}, self.num_timesteps)
+        self._writer.report.finish()
 
     def _on_step(self) -> bool:
         return True
@@ -296,3 +314,16 @@ class CurriculumCallback(BaseCallback):
     def _on_rollout_start(self) -> None:
         # The policy has learned from the last rollout.
         self.curriculum.policy_version = self._first_version + self._rollouts
+
+
+class _ReportWriter(KVWriter):
+    """Output of SB3's logger to a run."""
+
+    def __init__(self, report: TrainerReport) -> None:
+        self.report = report
+
+    def write(self, key_values: Mapping[str, Any], key_excluded: Mapping[str, Any], step: int = 0) -> None:
+        self.report.add(step, key_values)
+
+    def close(self) -> None:
+        self.report.finish()

@@ -27,6 +27,7 @@ except ImportError as error:
 import sparring
 
 from ..errors import invalid
+from ..trainer_metrics import TrainerReport
 
 
 def _option(default: Any, help: str) -> Any:
@@ -243,6 +244,7 @@ def train(
     config: Config,
     curriculum: sparring.Curriculum | None = None,
     report: Callable[[int, Policy, dict[str, float]], None] | None = None,
+    report_metrics: bool = True,
 ) -> Policy:
     """Trains a policy and returns it.
 
@@ -250,7 +252,9 @@ def train(
         config: Hyperparameters.
         curriculum: Source of the scenarios.
         report: Called after each rollout with the number of steps, the policy and metrics.
+        report_metrics: False to send no metrics to the curriculum's run; otherwise they are sent at most once a second.
     """
+    server_report = TrainerReport(curriculum if report_metrics else None)
     torch.manual_seed(config.seed)
     torch.set_num_threads(config.threads)
     envs = make_envs(config, curriculum)
@@ -271,14 +275,16 @@ def train(
             steps += steps_per_rollout
             if curriculum:
                 curriculum.policy_version += 1
+            metrics["steps_per_s"] = steps_per_rollout / (time.perf_counter() - started)
+            metrics["rollout_steps_per_s"] = steps_per_rollout / (collected - started)
+            metrics |= {"return": float(np.mean(returns))} if returns else {}
+            levels = envs.levels[envs.levels >= 0]
+            metrics |= {"level": float(levels.mean())} if levels.size else {}
+            server_report.add(steps, metrics)
             if report:
-                metrics["steps_per_s"] = steps_per_rollout / (time.perf_counter() - started)
-                metrics["rollout_steps_per_s"] = steps_per_rollout / (collected - started)
-                metrics |= {"return": float(np.mean(returns))} if returns else {}
-                levels = envs.levels[envs.levels >= 0]
-                metrics |= {"level": float(levels.mean())} if levels.size else {}
                 report(steps, policy, metrics)
     finally:
+        server_report.finish()
         envs.close()
     return policy
 

@@ -13,6 +13,7 @@ except ImportError as error:
 from ..curriculum import Curriculum
 from ..errors import invalid
 from ..metrics import read_metrics
+from ..trainer_metrics import TrainerReport
 from .factory import EnvironmentFactory
 
 
@@ -24,12 +25,16 @@ class CurriculumCallback(TrainerCallback):
     of `report_to` before this one. For other trackers, such as Weights & Biases, use `report_to="none"` and
     `callbacks=[CurriculumCallback(envs), WandbCallback()]`.
 
+    The numbers of the trainer's log are sent to the curriculum's run, at most once a second.
+
     Args:
         source: The trainer's `environment_factory`; or a curriculum, with other environments.
+        report: False to send no numbers of the trainer to the server.
     """
 
-    def __init__(self, source: EnvironmentFactory | Curriculum) -> None:
+    def __init__(self, source: EnvironmentFactory | Curriculum, report: bool = True) -> None:
         self.source = source
+        self._report = TrainerReport(source if report else None)
         self._first_version = 0
         self._writer: Any = None
 
@@ -59,6 +64,7 @@ class CurriculumCallback(TrainerCallback):
         """Adds the metrics to the logs."""
         if not state.is_world_process_zero or logs is None:
             return
+        self._report.add(state.global_step, logs)
         metrics = read_metrics(self.source)
         logs.update(metrics)
         if state.log_history:
@@ -69,7 +75,8 @@ class CurriculumCallback(TrainerCallback):
             self._writer.flush()
 
     def on_train_end(self, args: Any, state: Any, control: Any, **_: Any) -> None:
-        """Closes the writer of TensorBoard."""
+        """Sends the last numbers, and closes the writer of TensorBoard."""
+        self._report.finish()
         if self._writer is not None:
             self._writer.close()
             self._writer = None

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, get_args
+from collections.abc import Mapping
+from typing import Any, SupportsFloat, get_args
 
 try:
     from datasets import Dataset
@@ -106,6 +107,14 @@ class EnvironmentFactory:
             CurriculumError: The server is unreachable.
         """
         return self._group_curriculum.metrics()
+
+    def log_metrics(self, step: int, metrics: Mapping[str, SupportsFloat | None]) -> None:
+        """Logs metrics of the trainer, as `Curriculum.log_metrics`.
+
+        Raises:
+            ValueError: The step or a metric is invalid, or there are more than 100 metrics.
+        """
+        self._group_curriculum.log_metrics(step, metrics)
 
     def stats(self) -> dict[str, Any]:
         """Returns `Curriculum.stats` of these environments."""

@@ -260,6 +260,10 @@ def test_random_model_trains_for_two_steps(tmp_path):
             assert row["tools/call_frequency"] == 0
             assert row["reward_std"] == pytest.approx(0.0, abs=1e-6) or row["frac_reward_zero_std"] == 1.0
             assert row["curriculum/kessler/survival/zero_variance_share"] == 1.0
+        logged = curriculum.request("GET", f"/v1/runs/{curriculum.run}/metrics")["metrics"]
+        assert {"loss", "reward", "entropy"} <= {curve["name"] for curve in logged}
+        assert not any(curve["name"].startswith("curriculum") for curve in logged)
+        assert max(step for curve in logged for step in curve["step"]) == 2
         episodes = read_episodes(curriculum)
         assert len(episodes) == 16
         assert len({episode["scenario_id"] for episode in episodes}) == 4
