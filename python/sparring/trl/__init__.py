@@ -14,8 +14,9 @@ envs.close()
 """
 
 from ..text_obs import describe_telemetry
+from ..tool_episode import PROMPT, Reward
 from .callback import CurriculumCallback
-from .factory import PROMPT, EnvironmentFactory, Reward
+from .factory import EnvironmentFactory
 from .tool_environment import ToolEnvironment
 
 __all__ = ["PROMPT", "CurriculumCallback", "EnvironmentFactory", "Reward", "ToolEnvironment", "describe_telemetry"]

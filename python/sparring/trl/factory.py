@@ -12,16 +12,9 @@ except ImportError as error:
 
 from ..curriculum import Curriculum
 from ..errors import invalid, one_of
+from ..tool_episode import PROMPT, Reward
 from .group_episodes import GroupEpisodes
-from .tool_environment import Reward as Reward
 from .tool_environment import ToolEnvironment
-
-#: Prompt before the first observation.
-PROMPT = (
-    "You fly three satellites around the Earth, which is at (0, 0); distances are in LU, a step is one TU. Debris that comes "
-    "nearer than 2 LU destroys a satellite. Call fire_thrusters where something will pass too near: a change of velocity of 0.1 "
-    "some steps before is enough, and costs fuel. Call hold where nothing will. Steps that you do not use are spent holding."
-)
 
 
 class EnvironmentFactory:

@@ -5,6 +5,7 @@
         -o filterwarnings=default -p no:cacheprovider tests/heavy/test_trl.py
 """
 
+import inspect
 import json
 import os
 import sys
@@ -111,7 +112,8 @@ def test_tools_have_the_schemas_that_trl_needs(envs):
     assert all(field["description"] for field in burn["properties"].values())
     assert schemas["hold"]["parameters"]["required"] == ["steps"]
     assert schemas["telemetry"]["parameters"]["properties"] == {}
-    public = {name for name, value in vars(sparring.trl.ToolEnvironment).items() if callable(value) and not name.startswith("_")}
+    methods = inspect.getmembers(sparring.trl.ToolEnvironment, inspect.isfunction)
+    public = {name for name, _ in methods if not name.startswith("_")}
     # TRL offers every public method as a tool.
     assert public == {"reset", "get_reward", *schemas}
 
