@@ -34,7 +34,7 @@ class Block(NamedTuple):
 
 def pages():
     """Returns the paths of all pages for users and contributors, relative to the repository."""
-    files = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("python/*.md"), *ROOT.glob("python/server/*.md")]
+    files = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("python/*.md"), *ROOT.glob("python/*/*.md")]
     return sorted(str(file.relative_to(ROOT)) for file in files if file.name != "CHANGELOG.md")
 
 

@@ -26,6 +26,7 @@ CODE_TESTS = {
     "docs/guides/train-own-loop.md": "python/tests/test_docs.py::test_own_loop_page_runs_from_top_to_bottom",
     "docs/guides/train-rllib.md": "python/tests/heavy/test_printed.py::test_printed_algorithm_trains",
     "docs/guides/train-trl.md": "python/tests/heavy/test_printed.py::test_printed_trainer_trains",
+    "docs/guides/train-verifiers.md": "python/tests/heavy/test_verifiers.py::test_printed_evaluation_runs",
     "docs/reference/openenv.md": "tests/clients/openenv_clients.py::run_documented_examples",
     "docs/reference/python.md": "python/tests/test_docs.py::test_python_page_runs_from_top_to_bottom",
     "python/README.md": "python/tests/test_docs.py::test_package_readme_code_runs",
@@ -134,7 +135,7 @@ def test_pip_commands_install_known_packages():
             name, _, listed = word.rstrip("].,").partition("[")
             if name == "sparring":
                 assert set(filter(None, listed.split(","))) <= extras.keys(), f"{file}: {word}"
-            elif name not in ("sparring-server", "vllm", "--find-links", "target/wheels"):
+            elif name not in ("sparring-server", "vllm", "--find-links", "target/wheels", "python/verifiers"):
                 assert re.search(rf"[(\"\s]{re.escape(name)}[\[=<>\s\")]", tested), f"{file}: no test installs {name}"
             count += 1
     assert count > 20
