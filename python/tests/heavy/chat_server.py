@@ -22,8 +22,8 @@ class ChatServer:
         self._plans = plans
         self._numbers = itertools.count()
         self._on_request = on_request
-        #: Status of all answers.
-        self.status = 200
+        #: Status of all answers, and the message of errors.
+        self.status, self.error = 200, "broken"
         #: Bodies of the requests.
         self.requests = []
 
@@ -58,7 +58,7 @@ class ChatServer:
         class Handler(BaseHTTPRequestHandler):
             def do_POST(self):
                 body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
-                answer = json.dumps(chat.answer(body) if chat.status == 200 else {"error": {"message": "broken"}}).encode()
+                answer = json.dumps(chat.answer(body) if chat.status == 200 else {"error": {"message": chat.error}}).encode()
                 self.send_response(chat.status)
                 self.send_header("Content-Type", "application/json")
                 self.send_header("Content-Length", str(len(answer)))

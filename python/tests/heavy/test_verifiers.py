@@ -6,22 +6,26 @@
 """
 
 import asyncio
-import copy
 import itertools
+import multiprocessing
+import subprocess
 import time
 from types import MethodType
 
 import pytest
 from chat_server import ChatServer, tool_call
-from conftest import needs_server
+from conftest import BINARY, needs_server
 from curriculum_servers import kill_server, local_curriculum, wait_until
 from documents import URL, code_blocks, replace_all
 
 pytest.importorskip("verifiers.v1")
 import sparring_verifiers
 import verifiers.v1 as vf
+from sparring_verifiers.rollouts import episode_source
+from sparring_verifiers.session import Session
 from sparring_verifiers.session_episode import TOOLS, tool_schemas
 from transformers.utils import get_json_schema
+from verifiers.v1.serve import EnvClient, env_config_data, serve_env
 
 import sparring
 
@@ -158,16 +162,77 @@ def test_rollouts_wait_for_a_free_session(curriculum, model):
     env.taskset.close()
 
 
-def test_another_process_joins_the_group_of_a_row(curriculum, model):
-    # prime-rl sends the data of a row to its workers, any of which runs a rollout of the group.
-    envs = [sparring_verifiers.load_environment(curriculum.url, run=curriculum.run, group_size=2) for _ in range(2)]
-    task = next(iter(envs[0].taskset))
-    data = type(task.data).model_validate_json(task.data.model_dump_json())
-    copies = [task, type(task)(data, copy.deepcopy(task.config))]
-    traces = [roll_out(env, model, [each], 1)[0][0] for env, each in zip(envs, copies, strict=True)]
+def test_workers_of_an_env_server_share_a_group(curriculum, model):
+    # prime-rl's orchestrator reads the rows, and sends each rollout to the least busy worker of a pool.
+    env = sparring_verifiers.load_environment(curriculum.url, run=curriculum.run)
+    processes = multiprocessing.get_context("spawn")
+    addresses = processes.Queue()
+    settings = {"config_data": env_config_data(env.config), "address": "tcp://127.0.0.1:0", "address_queue": addresses}
+    server = processes.Process(target=serve_env, kwargs={"max_workers": 2, "elastic": False, **settings})
+    server.start()
+
+    async def run(task):
+        client = EnvClient(addresses.get(timeout=120))
+        await client.wait_for_server_startup()
+        endpoint = vf.EvalClientConfig(base_url=model.address, api_key_var="NO_KEY")
+        data = task.data.model_dump(mode="json")
+        episodes = await asyncio.gather(*(client.run(endpoint, "scripted", vf.SamplingConfig(), data) for _ in range(4)))
+        await client.close()
+        return flat(episode.traces for episode in episodes)
+
+    try:
+        traces = asyncio.run(run(next(iter(env.taskset))))
+    finally:
+        server.terminate()
+        server.join()
+    assert all(trace.ok for trace in traces), [trace.errors for trace in traces]
     assert len({trace.info["sparring"]["scenario"] for trace in traces}) == 1
-    assert len({trace.info["sparring"]["episode"] for trace in traces}) == 2
-    envs[0].taskset.close()
+    assert len({trace.info["sparring"]["episode"] for trace in traces}) == 4
+    assert [trace.reward for trace in traces] == [stored(curriculum, trace)["score"] for trace in traces]
+
+
+def test_limit_of_turns_or_context_ends_the_answers(curriculum):
+    chat = ChatServer([[[FIRE]] * 20])
+    with chat.serving() as chat.address:
+        env = sparring_verifiers.load_environment(curriculum.url, run=curriculum.run, agent={"max_turns": 2})
+        ((limited,),) = roll_out(env, chat, list(env.taskset.take(1)), 1)
+        chat.status, chat.error = 400, "This model's maximum context length is 8 tokens."
+        ((full,),) = roll_out(env, chat, list(env.taskset.take(1)), 1)
+    assert (limited.num_turns, limited.stop_condition) == (2, "max_turns")
+    for trace in (limited, full):
+        assert trace.ok and trace.metrics["steps"] == 50 and trace.reward == stored(curriculum, trace)["score"]
+    assert limited.metrics["fuel_used"] > 0 and full.metrics["fuel_used"] == 0
+    env.taskset.close()
+
+
+def test_lost_connection_is_resumed(curriculum):
+    env = sparring_verifiers.load_environment(curriculum.url, run=curriculum.run)
+    data = next(iter(env.taskset)).data
+    begun = episode_source(data.url, 60.0).begin(data.row, max_debris=2)
+    assert begun.episode.call("hold", {"steps": 3}).startswith("Step 3.")
+    begun.episode._session._socket.close_socket()
+    assert begun.episode.call("hold", {"steps": 2}).startswith("Step 5.")
+    begun.episode._session._socket.close_socket()
+    assert begun.finish()["status"] in ("counted", "stored")
+    env.taskset.close()
+
+
+def test_token_of_the_environment_is_sent(model, tmp_path, monkeypatch):
+    database = tmp_path / "runs.sqlite3"
+    create = [BINARY, "token", "create", "--db", database, "--role", "trainer", "trainer"]
+    token = subprocess.run(create, check=True, capture_output=True, text=True).stdout.split()[-1]
+    monkeypatch.setenv("SPARRING_TOKEN", token)
+    with local_curriculum(settings=SETTINGS, db=database) as curriculum:
+        env = sparring_verifiers.load_environment(curriculum.url, run=curriculum.run, group_size=2)
+        # The third rollout runs a group that the server leased, which belongs to the server.
+        (group,) = roll_out(env, model, list(env.taskset.take(1)), 3)
+        assert [trace.reward for trace in group] == [stored(curriculum, trace)["score"] for trace in group]
+        monkeypatch.setenv("SPARRING_TOKEN", "wrong")
+        env = sparring_verifiers.load_environment(curriculum.url, run=curriculum.run)
+        with pytest.raises(sparring.ApiError, match="401"):
+            next(iter(env.taskset))
+        with pytest.raises(sparring_verifiers.SessionError, match="token"):
+            Session(curriculum.url, {"task": "survival", "seed": 1}, max_wait_s=60.0)
 
 
 def test_skill_and_measured_groups_are_rewards(model):
@@ -325,9 +390,7 @@ def test_unreachable_server_is_named():
 
 
 def test_harness_without_the_tools_is_rejected(curriculum, model):
-    env = sparring_verifiers.load_environment(
-        curriculum.url, run=curriculum.run, agent=vf.AgentConfig(harness={"id": "null"}, runtime=vf.SubprocessConfig())
-    )
+    env = sparring_verifiers.load_environment(curriculum.url, run=curriculum.run, agent={"harness": {"id": "null"}})
     ((trace,),) = roll_out(env, model, list(env.taskset.take(1)), 1)
     assert "`env.agent.harness.id` must be 'sparring-verifiers'" in trace.last_error.message
     env.taskset.close()

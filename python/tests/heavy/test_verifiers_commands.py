@@ -7,15 +7,17 @@ import contextlib
 import json
 import os
 import pathlib
+import signal
 import subprocess
 import sys
 import sysconfig
+import time
 import zipfile
 
 import pytest
 from chat_server import ChatServer, tool_call
 from conftest import needs_server
-from curriculum_servers import local_curriculum
+from curriculum_servers import local_curriculum, wait_until
 from documents import ROOT
 
 import sparring
@@ -29,11 +31,16 @@ SCRIPTS = pathlib.Path(sys.executable).parent
 SETTINGS = {"tasks": ["kessler/survival"], "placement": False, "design": {"designer": "off"}, "group_size": 4}
 
 
-def vf_eval(folder, curriculum, address, model, *more):
-    """Runs `vf-eval` in a folder; returns the ended process."""
+def command_line(folder, curriculum, address, model, *more):
+    """Returns the command that runs `vf-eval` with results in a folder."""
     command = [SCRIPTS / "vf-eval", "sparring-verifiers", "--env.taskset.url", curriculum.url, "--model", model]
     command += ["--client.base-url", address, "--client.api-key-var", "NO_KEY", "--no-push", "--no-rich", "--run.dir", "out"]
-    return subprocess.run([*command, "-o", folder, *more], cwd=folder, capture_output=True, text=True, timeout=600)
+    return [*command, "-o", folder, *more]
+
+
+def vf_eval(folder, *arguments):
+    """Runs `vf-eval` in a folder; returns the ended process."""
+    return subprocess.run(command_line(folder, *arguments), cwd=folder, capture_output=True, text=True, timeout=600)
 
 
 def read_traces(folder):
@@ -83,6 +90,21 @@ def test_small_model_plays_through_the_command(tmp_path):
         assert all(trace["num_output_tokens"] > 0 for trace in traces)
         assert [trace["rewards"]["score"]["score"] for trace in traces] == stored_scores(curriculum, traces)
         assert {trace["info"]["sparring"]["status"] for trace in traces} == {"counted"}
+
+
+def test_interrupt_cancels_the_evaluation(tmp_path):
+    chat = ChatServer([[]], on_request=lambda: time.sleep(1.0))
+    with local_curriculum(settings=SETTINGS) as curriculum, chat.serving() as address:
+        command = command_line(tmp_path, curriculum, address, "slow", "--env.taskset.suite", "kessler-heldout-v1", "-c", "4")
+        with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
+            wait_until(lambda: len(chat.requests) > 8)
+            process.send_signal(signal.SIGINT)
+            _, errors = process.communicate(timeout=120)
+        assert process.returncode == 130, errors[-3000:]
+        (evaluation,) = curriculum.request("GET", "/v1/evaluations")["evaluations"]
+        assert evaluation["state"] == "failed" and 0 < evaluation["scenarios_done"] < evaluation["scenarios"]
+        leases = curriculum.request("GET", f"/v1/runs/{evaluation['run']}/leases?limit=500")["leases"]
+        assert leases and not any(lease["status"] == "active" for lease in leases)
 
 
 def test_command_names_invalid_arguments(tmp_path):

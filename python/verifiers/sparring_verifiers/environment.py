@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import verifiers.v1 as vf
@@ -38,7 +38,7 @@ def load_environment(
     suite: str | None = None,
     task: str | Sequence[str] = (),
     *,
-    agent: vf.AgentConfig | None = None,
+    agent: Mapping[str, Any] | None = None,
     **settings: Any,
 ) -> vf.Env:
     """Loads the environment: for training on the curriculum of a run, or for an evaluation on a suite.
@@ -48,7 +48,7 @@ def load_environment(
         run: Id of the run to train on; without it a run is created.
         suite: Name of the suite to evaluate on.
         task: Id or ids of the tasks of the new run, or of the suite.
-        agent: Limits, sampling and timeouts of the agent.
+        agent: Fields of `verifiers.v1.AgentConfig` that differ from the defaults of this environment, such as `max_turns`.
         settings: Other fields of `SparringConfig`.
 
     Raises:
@@ -59,8 +59,7 @@ def load_environment(
         taskset = SparringConfig(id=PACKAGE_ID, url=url, run=run, suite=suite, tasks=tasks, **settings)
     except ValidationError as error:
         raise ValueError(_first_fault(error)) from error
-    roles = {} if agent is None else {"agent": agent}
-    return vf.load_environment(SparringEnvConfig(taskset=taskset, **roles))
+    return vf.load_environment(SparringEnvConfig(taskset=taskset, agent=dict(agent or {})))
 
 
 def _first_fault(error: ValidationError) -> str:

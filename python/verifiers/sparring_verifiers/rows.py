@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import logging
+from collections import deque
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -15,6 +16,8 @@ from sparring.evaluation import MAX_EVALUATION_LEASE_GROUPS
 LEASE_TTL_S = 86_400
 #: Seconds for which the server is tried when the rows are closed.
 CLOSE_TIMEOUT_S = 5.0
+#: Maximum number of active leases of a run.
+MAX_ACTIVE_LEASES = 1024
 #: Problem type of a lease that has ended.
 LEASE_CLOSED = "urn:sparring:problem:lease_closed"
 
@@ -33,7 +36,8 @@ class LeasedRows:
         self._url = url
         self._client = Client(url, retry_timeout_s=max_wait_s)
         self._run = ""
-        self._leases: list[str] = []
+        # Older leases have ended: a run has no more active ones.
+        self._leases: deque[str] = deque(maxlen=MAX_ACTIVE_LEASES)
         self._evaluation: str | None = None
         atexit.register(self.close)
 
@@ -97,7 +101,8 @@ class LeasedRows:
     def close(self) -> None:
         """Releases the leases, and cancels the evaluation if a scenario has no result; its results so far are kept."""
         atexit.unregister(self.close)
-        leases, self._leases = self._leases, []
+        leases = [*self._leases]
+        self._leases.clear()
         evaluation, self._evaluation = self._evaluation, None
         try:
             with Client(self._url, retry_timeout_s=CLOSE_TIMEOUT_S) as client:

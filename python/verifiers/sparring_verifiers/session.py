@@ -8,7 +8,7 @@ import ssl
 import time
 from typing import Any
 
-from websockets.exceptions import WebSocketException
+from websockets.exceptions import InvalidStatus, WebSocketException
 from websockets.sync.client import ClientConnection, connect
 
 from sparring import _native
@@ -20,6 +20,8 @@ ANSWER_TIMEOUT_S = 120.0
 RETRY_DELAY_S = 0.2
 #: Maximum delay before a message is sent again, seconds.
 MAX_RETRY_DELAY_S = 5.0
+#: Statuses of a server that is busy, stopping, or behind a proxy that cannot reach it.
+BUSY_STATUSES = (408, 429, 500, 502, 503, 504)
 #: Codes of errors after which the server no longer has the session.
 ENDED_CODES = ("unknown_session", "superseded", "idle_timeout", "stopping", "unauthenticated", "internal")
 
@@ -99,6 +101,8 @@ class Session:
                 answer = self._exchange(self._connected(message), message)
             except (WebSocketException, OSError) as error:
                 self._disconnect()
+                if isinstance(error, InvalidStatus) and error.response.status_code not in BUSY_STATUSES:
+                    raise SessionError("rejected", f"{self._url} rejects the session: {_read_reason(error)}") from error
                 if not delays.wait():
                     reason = str(error) or type(error).__name__
                     detail = f"no server answers at {self._url}: {reason}; start one with `sparring serve`"
@@ -144,3 +148,11 @@ class Session:
         self._socket = None
         with contextlib.suppress(WebSocketException, OSError):
             self._stack.close()
+
+
+def _read_reason(error: InvalidStatus) -> str:
+    """Returns the message of a rejected connection."""
+    try:
+        return str(json.loads(error.response.body or b"")["detail"])
+    except (ValueError, LookupError, TypeError):
+        return str(error)
