@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import functools
 import itertools
 import logging
@@ -32,6 +33,7 @@ class EpisodeSource:
         self._url = url
         self._max_wait_s = max_wait_s
         self._client = Client(url, retry_timeout_s=max_wait_s)
+        atexit.register(self._client.close)
 
     def begin(self, row: Mapping[str, Any], max_debris: int) -> RunningEpisode:
         """Begins an episode of a row that no other rollout has. The server decides which, so any process can ask.
