@@ -1,4 +1,4 @@
-"""Episode that a language model controls by tool calls: the tools, their texts and the checks of their arguments.
+"""Tools of kessler for language models, their texts and the checks of their arguments.
 
 Integrations derive from `ToolEpisode` and step the episode in their own way: `sparring.trl` in this process, `sparring-verifiers`
 in a session of the server.
@@ -6,17 +6,11 @@ in a session of the server.
 
 from __future__ import annotations
 
-import math
-from abc import ABC, abstractmethod
-from typing import Any, Literal
-
 import numpy as np
 import numpy.typing as npt
 
-from .errors import invalid
+from .text_episode import TextEpisode, read_agent, read_duration, read_number
 from .text_obs import describe_telemetry
-
-Reward = Literal["score", "skill"]
 
 #: Prompt before the first observation.
 PROMPT = (
@@ -32,7 +26,7 @@ SATELLITES = 3
 MAX_HOLD_STEPS = 50
 
 
-class ToolEpisode(ABC):
+class ToolEpisode(TextEpisode):
     """Episode of kessler whose tools step it, and describe the observation as text.
 
     Args:
@@ -40,10 +34,8 @@ class ToolEpisode(ABC):
     """
 
     def __init__(self, max_debris: int) -> None:
+        super().__init__()
         self._max_debris = max_debris
-        self._over = False
-        self._score = 0.0
-        self._steps = 0
 
     def fire_thrusters(self, satellite_id: int, delta_vx: float, delta_vy: float) -> str:
         """
@@ -57,13 +49,12 @@ class ToolEpisode(ABC):
         Returns:
             The observation after the last step.
         """
-        if isinstance(satellite_id, bool) or satellite_id not in range(SATELLITES):
-            raise invalid("satellite_id", "0, 1 or 2", satellite_id)
-        burns = np.zeros((SATELLITES, 2), np.float32)
-        delta_v = (_read_number("delta_vx", delta_vx), _read_number("delta_vy", delta_vy))
-        burns[int(satellite_id)] = np.clip(delta_v, -1.0, 1.0)
+        satellite = read_agent("satellite_id", satellite_id, SATELLITES)
+        burns = self._hold_action()
+        delta_v = (read_number("delta_vx", delta_vx), read_number("delta_vy", delta_vy))
+        burns[satellite] = np.clip(delta_v, -1.0, 1.0)
         self._step(burns)
-        return self._describe(self._max_debris)
+        return self._describe()
 
     def hold(self, steps: int) -> str:
         """
@@ -75,11 +66,8 @@ class ToolEpisode(ABC):
         Returns:
             The observation after the last step.
         """
-        count = _read_number("steps", steps)
-        if count < 1:
-            raise invalid("steps", f"from 1 to {MAX_HOLD_STEPS}", steps)
-        self._hold(int(min(count, MAX_HOLD_STEPS)))
-        return self._describe(self._max_debris)
+        self._repeat(self._hold_action(), read_duration("steps", steps, MAX_HOLD_STEPS))
+        return self._describe()
 
     def telemetry(self) -> str:
         """
@@ -88,61 +76,13 @@ class ToolEpisode(ABC):
         Returns:
             The current observation.
         """
-        return self._describe(TELEMETRY_DEBRIS)
+        return self._describe() if self.over else self._describe_debris(TELEMETRY_DEBRIS)
 
-    @property
-    def over(self) -> bool:
-        """True if the episode is over."""
-        return self._over
+    def _hold_action(self) -> npt.NDArray[np.float32]:
+        return np.zeros((SATELLITES, 2), np.float32)
 
-    @property
-    def score(self) -> float:
-        """Score of the episode so far."""
-        return self._score
+    def _describe_running(self) -> str:
+        return self._describe_debris(self._max_debris)
 
-    @abstractmethod
-    def _advance(self, burns: npt.NDArray[np.float32]) -> None:
-        """Runs one step with a change of velocity of each satellite; updates `_score` and `_over`."""
-
-    @abstractmethod
-    def _telemetry(self) -> dict[str, Any]:
-        """Returns the observation in the wire form of the public kessler-env."""
-
-    def _begin(self) -> str:
-        """Begins to count steps and score; returns the goal and the first observation as text."""
-        self._over, self._score, self._steps = False, 0.0, 0
-        return f"{self._telemetry()['mission_objective']}\n{self._describe(self._max_debris)}"
-
-    def _finish(self) -> None:
-        """Holds for the remaining steps, so that a short answer has no advantage."""
-        while not self._over:
-            self._hold(MAX_HOLD_STEPS)
-
-    def _hold(self, steps: int) -> None:
-        for _ in range(steps):
-            self._step(np.zeros((SATELLITES, 2), np.float32))
-            if self._over:
-                return
-
-    def _step(self, burns: npt.NDArray[np.float32]) -> None:
-        if self._over:
-            # The model reads this message.
-            raise ValueError(f"the episode is over; its score is {self._score:.3f}")
-        self._advance(burns)
-        self._steps += 1
-
-    def _describe(self, max_debris: int) -> str:
-        if self._over:
-            alerts = [str(alert) for alert in self._telemetry()["critical_alerts"]]
-            return "\n".join([*alerts, f"The episode is over; its score is {self._score:.3f}."])
+    def _describe_debris(self, max_debris: int) -> str:
         return f"Step {self._steps}.\n{describe_telemetry(self._telemetry(), max_debris)}"
-
-
-def _read_number(name: str, value: Any) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        number = math.nan
-    if not math.isfinite(number):
-        raise invalid(name, "a number", value)
-    return number

@@ -26,6 +26,13 @@ def remote_curriculum(db=None, **arguments):
     return owner, sparring.Curriculum(owner.url, owner.run, **arguments)
 
 
+def read_episodes(curriculum):
+    """Returns the server's outcome, scenario and actions of each episode."""
+    path = f"/v1/runs/{curriculum.run}/episodes"
+    rows = curriculum.request("GET", f"{path}?limit=500")["episodes"]
+    return [curriculum.request("GET", f"{path}/{row['episode']}") for row in rows]
+
+
 class RecordedMetrics:
     """Source of the metrics of a curriculum that keeps the last ones, which change while episodes run."""
 

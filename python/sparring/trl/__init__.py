@@ -13,10 +13,22 @@ trainer.train()
 envs.close()
 """
 
+from ..docking_episode import DOCKING_PROMPT, describe_docking
+from ..text_episode import Reward
 from ..text_obs import describe_telemetry
-from ..tool_episode import PROMPT, Reward
+from ..tool_episode import PROMPT
 from .callback import CurriculumCallback
 from .factory import EnvironmentFactory
-from .tool_environment import ToolEnvironment
+from .tool_environment import DockingEnvironment, ToolEnvironment
 
-__all__ = ["PROMPT", "CurriculumCallback", "EnvironmentFactory", "Reward", "ToolEnvironment", "describe_telemetry"]
+__all__ = [
+    "DOCKING_PROMPT",
+    "PROMPT",
+    "CurriculumCallback",
+    "DockingEnvironment",
+    "EnvironmentFactory",
+    "Reward",
+    "ToolEnvironment",
+    "describe_docking",
+    "describe_telemetry",
+]

@@ -12,9 +12,9 @@ except ImportError as error:
 
 from ..curriculum import Curriculum
 from ..errors import invalid, one_of
-from ..tool_episode import PROMPT, Reward
+from ..text_episode import Reward
 from .group_episodes import GroupEpisodes
-from .tool_environment import ToolEnvironment
+from .tool_environment import PROMPTS, GroupEnvironment, make_environment, world_of
 
 
 class EnvironmentFactory:
@@ -25,19 +25,19 @@ class EnvironmentFactory:
     the server computes its score. Groups are leased ahead; `close` releases them.
 
     Args:
-        curriculum: Curriculum of a run with tasks of kessler.
+        curriculum: Curriculum of a run with tasks of kessler, or with one task of docking.
         group_size: `num_generations` of the trainer.
         reward: Result of `get_reward`: the `score` or the `skill` of the episode. Skill is 0 for the best plan without
             observations and 1 for a planner that knows the scenario. It is 0 if the two have almost equal scores. Both rewards
             order the members of a group in the same way.
-        max_debris: Pieces of debris per satellite that are described after an action. A piece takes about 35 tokens of
-            `max_completion_length`.
+        max_debris: Pieces of debris per satellite of kessler that are described after an action. A piece takes about 35
+            tokens of `max_completion_length`.
         lease_groups: Groups of a lease. A smaller number follows the curriculum more closely.
         ttl_s: Seconds until a lease expires; it is renewed after half of them.
         max_wait_s: Seconds that a reset waits for an episode while the server is unreachable.
 
     Raises:
-        ValueError: The run has tasks of another world, or a value is out of range.
+        ValueError: The run has tasks that need different tools, or a value is out of range.
         CurriculumError: The server rejects the request.
     """
 
@@ -52,9 +52,7 @@ class EnvironmentFactory:
         ttl_s: int = 600,
         max_wait_s: float = 600.0,
     ) -> None:
-        others = [task for task in curriculum.tasks if not task.startswith("kessler/")]
-        if others:
-            raise ValueError(f"`curriculum` must be of a run with tasks of kessler only, got {', '.join(others)}")
+        self.world = world_of(curriculum.tasks)
         if reward not in get_args(Reward):
             raise one_of("reward", get_args(Reward), reward)
         if group_size < 1:
@@ -64,24 +62,33 @@ class EnvironmentFactory:
         self.reward: Reward = reward
         self.max_debris = max_debris
         # A separate queue of episodes: other environments of the curriculum would take episodes of incomplete groups.
-        self._group_curriculum = curriculum.reopen(
-            form="groups", group_size=group_size, lease_groups=lease_groups, ttl_s=ttl_s, max_wait_s=max_wait_s
-        )
+        self._lease_settings: dict[str, Any] = {
+            "group_size": group_size,
+            "lease_groups": lease_groups,
+            "ttl_s": ttl_s,
+            "max_wait_s": max_wait_s,
+        }
+        self._group_curriculum = curriculum.reopen(form="groups", **self._lease_settings)
         self._episodes = GroupEpisodes(self._group_curriculum, group_size)
 
-    def __call__(self) -> ToolEnvironment:
+    def __call__(self) -> GroupEnvironment:
         """Makes one environment for the trainer."""
-        return ToolEnvironment(self._episodes, self.reward, self.max_debris)
+        return make_environment(self.world, self._episodes, self.reward, self.max_debris)
 
-    def dataset(self, groups: int, prompt: str = PROMPT) -> Dataset:
+    def dataset(self, groups: int, prompt: str | None = None) -> Dataset:
         """Makes a dataset with one prompt and one `group_id` per group.
 
         Args:
             groups: Number of groups. Scenarios are chosen when they are run, so a second epoch runs other scenarios.
-            prompt: Prompt before the first observation.
+            prompt: Prompt before the first observation (default: that of the world, as `sparring.trl.PROMPT` of kessler).
         """
-        row = [{"role": "user", "content": prompt + "\n\n"}]
-        return Dataset.from_list([{"prompt": row, "group_id": f"group-{number}"} for number in range(groups)])
+        return Dataset.from_list(self.rows(groups, prompt))
+
+    def rows(self, groups: int, prompt: str | None = None) -> list[dict[str, Any]]:
+        """Returns the rows of `dataset`."""
+        content = (PROMPTS[self.world] if prompt is None else prompt) + "\n\n"
+        messages = [{"role": "user", "content": content}]
+        return [{"prompt": messages, "group_id": f"group-{number}"} for number in range(groups)]
 
     @property
     def policy_version(self) -> int:

@@ -1,7 +1,8 @@
-"""Environment of one member of a group, whose public methods are the tools of a language model."""
+"""Environments of one member of a group, whose public methods are the tools of a language model."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -9,20 +10,28 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.error import ResetNeeded
 
+from ..docking_episode import DOCKING_PROMPT, DockingEpisode
 from ..scenario import Scenario, bracket
 from ..single import Environment
-from ..tool_episode import Reward, ToolEpisode
+from ..text_episode import Reward, TextEpisode
+from ..tool_episode import PROMPT, ToolEpisode
 from .group_episodes import GroupEpisodes
 
+#: Prompt before the first observation, by world.
+PROMPTS = {"kessler": PROMPT, "docking": DOCKING_PROMPT}
 
-class ToolEnvironment(ToolEpisode):
-    """Environment that a language model controls by tool calls. TRL offers every public method to the model.
 
-    `EnvironmentFactory` makes it.
+class GroupEnvironment(TextEpisode):
+    """Environment of one member of a group that runs in this process. The tools are those of a world.
+
+    Args:
+        episodes: Source of the episodes.
+        reward: Result of `get_reward`.
+        options: Arguments of the world's class.
     """
 
-    def __init__(self, episodes: GroupEpisodes, reward: Reward, max_debris: int) -> None:
-        super().__init__(max_debris)
+    def __init__(self, episodes: GroupEpisodes, reward: Reward, **options: Any) -> None:
+        super().__init__(**options)
         self._episodes = episodes
         self._reward = reward
         self._environment: Environment | None = None
@@ -32,7 +41,7 @@ class ToolEnvironment(ToolEpisode):
         """Begins an episode of the scenario that all members with this `group_id` share.
 
         Returns:
-            The goal and the first observation as text.
+            The goal and the first observation as text, which TRL appends to the prompt.
 
         Raises:
             CurriculumError: No episode is ready, and the server is unreachable or failed.
@@ -62,8 +71,8 @@ class ToolEnvironment(ToolEpisode):
         """Scenario of the episode; None before the first reset."""
         return None if self._environment is None else self._environment.scenario
 
-    def _advance(self, burns: npt.NDArray[np.float32]) -> None:
-        _, _, terminated, truncated, info = self._running().step(burns)
+    def _advance(self, actions: npt.NDArray[np.float32]) -> None:
+        _, _, terminated, truncated, info = self._running().step(actions)
         self._score, self._over = info["score"], terminated or truncated
 
     def _telemetry(self) -> dict[str, Any]:
@@ -73,6 +82,46 @@ class ToolEnvironment(ToolEpisode):
         if self._environment is None:
             raise ResetNeeded("no episode is running: call reset() first")
         return self._environment
+
+
+class ToolEnvironment(GroupEnvironment, ToolEpisode):
+    """Environment of kessler that a language model controls by tool calls. TRL offers every public method to the model.
+
+    `EnvironmentFactory` makes it.
+    """
+
+
+class DockingEnvironment(GroupEnvironment, DockingEpisode):
+    """Environment of docking that a language model controls by tool calls. TRL offers every public method to the model.
+
+    `EnvironmentFactory` makes it.
+    """
+
+    def _hold_action(self) -> npt.NDArray[np.float32]:
+        # All scenarios of a run have as many rows, of which a scenario with fewer deputies uses the first.
+        return np.zeros(self._running().action_space.shape or (), np.float32)
+
+
+def world_of(tasks: Sequence[str]) -> str:
+    """Returns the world of the tasks of a run.
+
+    Raises:
+        ValueError: The tasks need different tools.
+    """
+    worlds = {task.split("/")[0] for task in tasks}
+    if len(worlds) > 1 or (worlds == {"docking"} and len(tasks) > 1):
+        raise ValueError(
+            f"`curriculum` must be of a run with tasks of kessler, or with one task of docking, got {', '.join(tasks)}; make a"
+            " run for each of the others, and pass sparring.trl.Environments to the trainer"
+        )
+    return worlds.pop()
+
+
+def make_environment(world: str, episodes: GroupEpisodes, reward: Reward, max_debris: int) -> GroupEnvironment:
+    """Makes the environment of one member of a group, with the tools of its world."""
+    if world == "docking":
+        return DockingEnvironment(episodes, reward)
+    return ToolEnvironment(episodes, reward, max_debris=max_debris)
 
 
 _cached_bracket = lru_cache(maxsize=256)(bracket)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 from conftest import BINARY, needs_server
-from curriculum_servers import SETTINGS
+from curriculum_servers import SETTINGS, read_episodes
 from documents import printed_command, run_command
 
 pytest.importorskip("trl")
@@ -57,13 +57,6 @@ def first_prompts(count):
         env.reset(seed=seed)
         texts.append(f"{env.telemetry()['mission_objective']}\nStep 0.\n{sparring.trl.describe_telemetry(env.telemetry())}")
     return [f"{sparring.trl.PROMPT}\n\n{text}" for text in texts]
-
-
-def read_episodes(curriculum):
-    """Returns the server's outcome, scenario and actions of each episode."""
-    path = f"/v1/runs/{curriculum.run}/episodes"
-    rows = curriculum.request("GET", f"{path}?limit=500")["episodes"]
-    return [curriculum.request("GET", f"{path}/{row['episode']}") for row in rows]
 
 
 def make_config(folder, group_size=4, groups=1, **more):
@@ -112,8 +105,7 @@ def test_tools_have_the_schemas_that_trl_needs(envs):
     assert all(field["description"] for field in burn["properties"].values())
     assert schemas["hold"]["parameters"]["required"] == ["steps"]
     assert schemas["telemetry"]["parameters"]["properties"] == {}
-    methods = inspect.getmembers(sparring.trl.ToolEnvironment, inspect.isfunction)
-    public = {name for name, _ in methods if not name.startswith("_")}
+    public = {name for name, _ in inspect.getmembers(type(env), inspect.isfunction) if not name.startswith("_")}
     # TRL offers every public method as a tool.
     assert public == {"reset", "get_reward", *schemas}
 
@@ -232,7 +224,10 @@ def test_invalid_setting_is_named(curriculum, envs, tmp_path):
         sparring.trl.EnvironmentFactory(curriculum, 4, reward="luck")
     with pytest.raises(ValueError, match="group_size"):
         sparring.trl.EnvironmentFactory(curriculum, 0)
-    with local_curriculum(tasks=["docking/single"]) as other, pytest.raises(ValueError, match="docking/single"):
+    with (
+        local_curriculum(tasks=["kessler/survival", "docking/single"]) as other,
+        pytest.raises(ValueError, match="docking/single"),
+    ):
         sparring.trl.EnvironmentFactory(other, 4)
     callback = sparring.trl.CurriculumCallback(envs)
     for settings, field in (
@@ -312,6 +307,27 @@ def test_model_that_calls_tools_learns(tmp_path):
     assert [event.step for event in events.Scalars("curriculum/kessler/survival/level")][:2] == [1, 2]
     assert events.Scalars("curriculum/episodes/finished")[-1].value == 32
     assert "curriculum/kessler/survival/mastery" in trainer.state.log_history[0]
+
+
+def test_mission_and_observation_reach_the_prompt(envs, tmp_path):
+    model, tokenizer = tiny_model.make_tiny_model([sparring.trl.PROMPT])
+    prompts, generate = [], model.generate
+
+    def record(*arguments, input_ids, **keywords):
+        prompts.extend(tokenizer.batch_decode(input_ids))
+        return generate(*arguments, input_ids=input_ids, **keywords)
+
+    model.generate = record
+    train(envs, model, tokenizer, make_config(tmp_path, groups=2, max_steps=1))
+    assert len(prompts) == 8
+    for prompt in prompts:
+        system, user = prompt.split("<|im_start|>user\n")
+        assert "fire_thrusters" in system
+        assert user.startswith(f"{sparring.trl.PROMPT}\n\nSURVIVAL: ")
+        assert "\nStep 0.\n" in user and "Satellite 2 at (" in user
+    # The members of a group have one observation, other groups have another.
+    observations = [prompt.split("Step 0.")[1] for prompt in prompts]
+    assert [observations.count(text) for text in dict.fromkeys(observations)] == [4, 4]
 
 
 def test_unreachable_server_leaves_logs_without_metrics(envs, caplog):

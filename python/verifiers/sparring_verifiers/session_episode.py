@@ -66,7 +66,7 @@ class SessionEpisode(ToolEpisode):
         """
         with self._lock:
             if self._over:
-                return self._describe(self._max_debris)
+                return self._describe()
             try:
                 return self._call(name, arguments)
             except ValueError:

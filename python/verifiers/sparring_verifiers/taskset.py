@@ -14,7 +14,8 @@ from sparring.client import ApiError, Client
 from sparring.curriculum import DEFAULT_URL
 from sparring.errors import invalid, one_of
 from sparring.tasks import task as find_task
-from sparring.tool_episode import PROMPT, Reward
+from sparring.text_episode import Reward
+from sparring.tool_episode import PROMPT
 
 from .rollouts import RunningEpisode, episode_source
 from .rows import LeasedRows
