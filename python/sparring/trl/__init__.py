@@ -1,5 +1,7 @@
 """TRL: an `environment_factory` whose groups run the curriculum's scenarios, and a callback for the curriculum's metrics.
 
+`GRPOTrainer` and `AsyncGRPOTrainer` accept it.
+
 curriculum = sparring.Curriculum("http://127.0.0.1:8700", settings={"tasks": ["kessler/survival"], "group_size": 8})
 envs = sparring.trl.EnvironmentFactory(curriculum, group_size=8)
 trainer = GRPOTrainer(
@@ -20,6 +22,7 @@ from ..tool_episode import PROMPT
 from .callback import CurriculumCallback
 from .factory import EnvironmentFactory
 from .tool_environment import DockingEnvironment, ToolEnvironment
+from .worker import WorkerFactory
 
 __all__ = [
     "DOCKING_PROMPT",
@@ -29,6 +32,7 @@ __all__ = [
     "EnvironmentFactory",
     "Reward",
     "ToolEnvironment",
+    "WorkerFactory",
     "describe_docking",
     "describe_telemetry",
 ]

@@ -30,6 +30,9 @@ class CurriculumCallback(TrainerCallback):
     Args:
         source: The trainer's `environment_factory`; or a curriculum, with other environments.
         report: False to send no numbers of the trainer to the server.
+
+    The policy version is the trainer's step whose weights generate. `AsyncGRPOTrainer` sends weights to its server every
+    `weight_sync_steps` steps; the callback sets the version just before.
     """
 
     def __init__(self, source: EnvironmentFactory | Curriculum, report: bool = True) -> None:
@@ -57,8 +60,9 @@ class CurriculumCallback(TrainerCallback):
             self._writer = SummaryWriter(os.path.join(runs, "curriculum"))
 
     def on_step_end(self, args: Any, state: Any, control: Any, **_: Any) -> None:
-        """Sets the policy version after an update."""
-        self.source.policy_version = self._first_version + state.global_step
+        """Sets the policy version after an update of the weights that generate."""
+        if state.global_step % getattr(args, "weight_sync_steps", 1) == 0:
+            self.source.policy_version = self._first_version + state.global_step
 
     def on_log(self, args: Any, state: Any, control: Any, logs: dict[str, Any] | None = None, **_: Any) -> None:
         """Adds the metrics to the logs."""
@@ -85,7 +89,9 @@ class CurriculumCallback(TrainerCallback):
 def _check_arguments(args: Any, group_size: int) -> None:
     if args.num_generations != group_size:
         raise invalid("num_generations", f"the group size of the environments, {group_size}", args.num_generations)
-    per_process = args.per_device_train_batch_size * args.steps_per_generation
+    # The groups of AsyncGRPOTrainer run in one process, independently of the trainer's batches.
+    is_async = hasattr(args, "weight_sync_steps")
+    per_process = group_size if is_async else args.per_device_train_batch_size * args.steps_per_generation
     if per_process % group_size:
         requirement = f"a multiple of the group size {group_size}, because a group runs in one process"
         raise invalid("per_device_train_batch_size * steps_per_generation", requirement, per_process)

@@ -10,15 +10,20 @@ try:
 except ImportError as error:
     raise ImportError("sparring.trl needs TRL: pip install 'sparring[trl]'") from error
 
+from ..connection import read_token
 from ..curriculum import Curriculum
 from ..errors import invalid, one_of
 from ..text_episode import Reward
 from .group_episodes import GroupEpisodes
+from .shared_version import SharedPolicyVersion
 from .tool_environment import PROMPTS, GroupEnvironment, make_environment, world_of
+from .worker import WorkerFactory, WorkerSettings
 
 
 class EnvironmentFactory:
     """Makes environments for `GRPOTrainer(environment_factory=…)`; all members of a group run one scenario.
+
+    `AsyncGRPOTrainer` accepts it, too: it can be pickled, and in the process that this trainer spawns it is a `WorkerFactory`.
 
     The first member that is reset with a `group_id` begins a group of the run. Up to `group_size` members with this
     `group_id` run its scenario. Environments run in this process; the actions of each episode are submitted when it ends, and
@@ -70,10 +75,28 @@ class EnvironmentFactory:
         }
         self._group_curriculum = curriculum.reopen(form="groups", **self._lease_settings)
         self._episodes = GroupEpisodes(self._group_curriculum, group_size)
+        self._shared_version: SharedPolicyVersion | None = None
 
     def __call__(self) -> GroupEnvironment:
         """Makes one environment for the trainer."""
         return make_environment(self.world, self._episodes, self.reward, self.max_debris)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        if self._shared_version is None:
+            self._shared_version = SharedPolicyVersion(self.policy_version)
+        token = self._group_curriculum.token or ""
+        settings = WorkerSettings(
+            url=self._group_curriculum.url,
+            run=self._group_curriculum.run,
+            # A spawned process has the environment variables of its parent.
+            token=None if token == (read_token(None) or "") else token,
+            world=self.world,
+            reward=self.reward,
+            max_debris=self.max_debris,
+            version_file=self._shared_version.path,
+            **self._lease_settings,
+        )
+        return WorkerFactory, (settings,)
 
     def dataset(self, groups: int, prompt: str | None = None) -> Dataset:
         """Makes a dataset with one prompt and one `group_id` per group.
@@ -99,6 +122,8 @@ class EnvironmentFactory:
     def policy_version(self, version: int) -> None:
         self._group_curriculum.policy_version = version
         self.curriculum.policy_version = version
+        if self._shared_version is not None:
+            self._shared_version.write(version)
 
     def metrics(self) -> dict[str, float]:
         """Returns `Curriculum.metrics` of the run, with the episodes of these environments.
@@ -134,6 +159,8 @@ class EnvironmentFactory:
         Raises:
             CurriculumError: Results could not be submitted, or were refused.
         """
+        if self._shared_version is not None:
+            self._shared_version.delete()
         self._group_curriculum.close(timeout_s)
 
     def __enter__(self) -> EnvironmentFactory:
