@@ -1,6 +1,6 @@
 """TRL: an `environment_factory` whose groups run the curriculum's scenarios, and a callback for the curriculum's metrics.
 
-`GRPOTrainer` and `AsyncGRPOTrainer` accept it.
+`GRPOTrainer` and `AsyncGRPOTrainer` accept it; `Environments` has several by name.
 
 curriculum = sparring.Curriculum("http://127.0.0.1:8700", settings={"tasks": ["kessler/survival"], "group_size": 8})
 envs = sparring.trl.EnvironmentFactory(curriculum, group_size=8)
@@ -20,6 +20,7 @@ from ..text_episode import Reward
 from ..text_obs import describe_telemetry
 from ..tool_episode import PROMPT
 from .callback import CurriculumCallback
+from .environments import Environments
 from .factory import EnvironmentFactory
 from .tool_environment import DockingEnvironment, ToolEnvironment
 from .worker import WorkerFactory
@@ -30,6 +31,7 @@ __all__ = [
     "CurriculumCallback",
     "DockingEnvironment",
     "EnvironmentFactory",
+    "Environments",
     "Reward",
     "ToolEnvironment",
     "WorkerFactory",

@@ -14,6 +14,7 @@ from ..curriculum import Curriculum
 from ..errors import invalid
 from ..metrics import read_metrics
 from ..trainer_metrics import TrainerReport
+from .environments import Environments
 from .factory import EnvironmentFactory
 
 
@@ -35,7 +36,7 @@ class CurriculumCallback(TrainerCallback):
     `weight_sync_steps` steps; the callback sets the version just before.
     """
 
-    def __init__(self, source: EnvironmentFactory | Curriculum, report: bool = True) -> None:
+    def __init__(self, source: EnvironmentFactory | Environments | Curriculum, report: bool = True) -> None:
         self.source = source
         self._report = TrainerReport(source if report else None)
         self._first_version = 0
@@ -48,7 +49,7 @@ class CurriculumCallback(TrainerCallback):
             ValueError: With these settings the members of a group would run in different processes, or evaluation episodes
                 would count as training.
         """
-        if isinstance(self.source, EnvironmentFactory):
+        if isinstance(self.source, (EnvironmentFactory, Environments)):
             _check_arguments(args, self.source.group_size)
         # A resumed run already has versions: a new training continues from the newest.
         self._first_version = max(0, self.source.policy_version - state.global_step)
