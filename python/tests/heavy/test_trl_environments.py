@@ -84,19 +84,6 @@ def test_docking_group_shares_a_scenario_and_scores_match(url):
         assert sorted(scores) == pytest.approx(sorted(rewards), abs=1e-6)
 
 
-def test_docked_deputy_is_described():
-    env = sparring.Environment("docking/multiagent", params={"deputies": 2})
-    env.reset(seed=1)
-    policy = sparring.policy("reference", env.scenario)
-    texts, over = [], False
-    while not over:
-        texts.append(sparring.trl.describe_docking(env.telemetry()))
-        *_, terminated, truncated, _ = env.step(policy.act(env.telemetry()))
-        over = terminated or truncated
-    assert "Deputy 1 at (" in texts[0] and "- deputy 0 is " in texts[0]
-    assert any("has left: docked" in text for text in texts)
-
-
 def test_dataset_alternates_and_names_environments(envs):
     rows = list(envs.dataset({"survival": 4, "docking": 2}))
     assert [row["environment"] for row in rows] == ["survival", "docking", "survival", "survival", "docking", "survival"]
