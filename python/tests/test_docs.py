@@ -52,6 +52,9 @@ COMMAND_TESTS = {
     ("docs/guides/train-trl.md", "python examples/grpo_in_process.py --tiny"): (
         "python/tests/heavy/test_trl.py::test_printed_command_trains"
     ),
+    ("docs/guides/train-trl.md", "python examples/grpo_async.py --tiny"): (
+        "python/tests/heavy/test_trl_async.py::test_printed_command_trains"
+    ),
     ("docs/guides/train-trl.md", "python examples/grpo_in_process.py --url"): (
         "python/tests/heavy/test_printed.py::test_printed_gpu_commands_train"
     ),

@@ -5,6 +5,7 @@
         -o filterwarnings=default -p no:cacheprovider tests/heavy/test_printed.py
 """
 
+import contextlib
 import os
 import re
 import shlex
@@ -34,9 +35,9 @@ def server_url():
         yield curriculum.url
 
 
-def run_block(page, names, replacements):
-    """Runs the only Python block of a page with replaced parts."""
-    (code,) = code_blocks(page)
+def run_block(page, names, replacements, part=""):
+    """Runs the only Python block of a page that contains `part`, with replaced parts."""
+    (code,) = [code for code in code_blocks(page) if part in code]
     exec(compile(replace_all(code, replacements), page, "exec"), names)
 
 
@@ -75,10 +76,44 @@ def test_printed_trainer_trains(server_url, tmp_path, monkeypatch):
         "gradient_accumulation_steps=4, max_steps=500": "gradient_accumulation_steps=1, max_steps=1, use_cpu=True, bf16=False",
         "max_completion_length=8192": "max_completion_length=64",
     }
-    run_block("docs/guides/train-trl.md", names, {URL: server_url, **smaller})
+    first = "EnvironmentFactory(curriculum, group_size=8) as envs:\n    trainer = GRPOTrainer("
+    run_block("docs/guides/train-trl.md", names, {URL: server_url, **smaller}, first)
     assert names["trainer"].state.global_step == 1
     assert names["curriculum"].mastery()[0]["results"]["episodes"] == 8
     names["curriculum"].close()
+    for part in ("AsyncGRPOTrainer(", "sparring.trl.Environments("):
+        run_other_trainer(server_url, tmp_path, part)
+
+
+def run_other_trainer(server_url, tmp_path, part):
+    """Runs another block of the guide to TRL, with a tiny model that answers without tools."""
+    import tiny_generation_server
+
+    import sparring.trl
+
+    model, tokenizer = tiny_model.make_tiny_model([sparring.trl.PROMPT, sparring.trl.DOCKING_PROMPT])
+    names = {"__name__": "__main__", "model": model, "tokenizer": tokenizer}
+    small = "max_steps=1, use_cpu=True, bf16=False"
+    smaller = {'model="Qwen/Qwen3-4B",': "model=model, processing_class=tokenizer,", "max_steps=500": small}
+    with contextlib.ExitStack() as stack:
+        if part == "AsyncGRPOTrainer(":
+            tiny_generation_server.replace_gpu_parts()
+            server = tiny_generation_server.GenerationServer(model, tokenizer)
+            stack.callback(server.stop)
+            names["model"] = os.fspath(tmp_path / "tiny")
+            model.save_pretrained(names["model"])
+            names["weights"] = tiny_generation_server.WeightCopy(server)
+            smaller["max_steps=500"] = f'{small}, token_budget=0, max_inflight_tasks=8, vllm_server_base_url="{server.url}"'
+            smaller['model="Qwen/Qwen3-4B",'] += " weight_transfer=weights,"
+            smaller["max_completion_length=1024"] = "max_completion_length=8"
+        else:
+            smaller["max_completion_length=8192"] = "max_completion_length=64"
+        run_block("docs/guides/train-trl.md", names, {URL: server_url, **smaller}, part)
+        assert names["trainer"].state.global_step == 1
+        curricula = [value for value in names.values() if isinstance(value, sparring.Curriculum)]
+        assert sum(row["results"]["episodes"] for curriculum in curricula for row in curriculum.mastery()) >= 8
+        for curriculum in curricula:
+            curriculum.close()
 
 
 @needs_server
