@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
 import signal
@@ -52,11 +53,11 @@ class WorkerEpisodes(GroupEpisodes):
 
     def __init__(self, settings: WorkerSettings) -> None:
         super().__init__(None, settings.group_size)
-        self._settings = settings
+        self.settings = settings
         self._closed = False
 
     def _open(self) -> Curriculum:
-        settings = self._settings
+        settings = self.settings
         if self._curriculum is None:
             self._check_open()
             self._curriculum = Curriculum(
@@ -96,7 +97,7 @@ class WorkerFactory:
 
     Pickling an `EnvironmentFactory` makes it. The first reset connects to the server and leases groups for this process. The
     policy version is the trainer's. At the end of the process, also by SIGTERM, finished episodes are submitted and
-    unfinished ones return to the run.
+    unfinished ones return to the run. The process ends with its parent.
 
     Args:
         settings: Address and arguments of the trainer's factory.
@@ -135,9 +136,20 @@ def _close_at_exit(episodes: WorkerEpisodes) -> None:
         return
     _exit_pid = os.getpid()
     util.Finalize(None, _close_all, args=(EXIT_TIMEOUT_S,), exitpriority=_EXIT_PRIORITY)
-    is_main_of_spawned = multiprocessing.parent_process() and threading.current_thread() is threading.main_thread()
-    if is_main_of_spawned and signal.getsignal(signal.SIGTERM) == signal.SIG_DFL:
+    parent, is_main = multiprocessing.parent_process(), threading.current_thread() is threading.main_thread()
+    if parent is not None and is_main and signal.getsignal(signal.SIGTERM) == signal.SIG_DFL:
         signal.signal(signal.SIGTERM, _terminate)
+        threading.Thread(target=_end_with_parent, args=(parent,), name="sparring-parent", daemon=True).start()
+
+
+def _end_with_parent(parent: Any) -> None:
+    """Terminates this process after its parent: the weights of a killed trainer do not change any more."""
+    parent.join()
+    for episodes in list(_open_episodes):
+        # A killed trainer has not deleted its file.
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(episodes.settings.version_file)
+    os.kill(os.getpid(), signal.SIGTERM)
 
 
 def _close_all(timeout_s: float) -> None:

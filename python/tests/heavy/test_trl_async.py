@@ -149,6 +149,32 @@ def test_ended_worker_returns_unfinished_episodes(envs, end):
     assert all(lease["status"] == "released" for lease in read_leases(envs))
 
 
+def spawn_worker(url, run, has_begun):
+    """Spawns a worker, as a trainer does, and waits."""
+    curriculum = sparring.Curriculum(url, run)
+    factory = sparring.trl.EnvironmentFactory(curriculum, SIZE)
+    context = multiprocessing.get_context("spawn")
+    never = context.Event()
+    worker = context.Process(target=run_part_of_a_group, args=(factory, has_begun, never), daemon=True)
+    worker.start()
+    worker.join()
+
+
+def test_worker_of_a_killed_trainer_ends(envs, tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", os.fspath(tmp_path))
+    context = multiprocessing.get_context("spawn")
+    has_begun = context.Event()
+    trainer = context.Process(target=spawn_worker, args=(envs.curriculum.url, envs.curriculum.run, has_begun))
+    trainer.start()
+    assert has_begun.wait(120)
+    assert list(tmp_path.glob("sparring-policy-version-*"))
+    trainer.kill()
+    trainer.join()
+    wait_until(lambda: all(lease["status"] == "released" for lease in read_leases(envs)))
+    assert len(read_episodes(envs.curriculum)) == 1
+    assert not list(tmp_path.glob("sparring-policy-version-*"))
+
+
 def make_trainer(stack, envs, folder, calls=3, **settings):
     """Makes TRL's trainer with a tiny model and a server of it; returns both."""
     arguments = {"output": os.fspath(folder), "steps": 2, "groups": 1, "group_size": SIZE, "tokens": 16, "calls": calls}
