@@ -27,6 +27,7 @@ CODE_TESTS = {
     "docs/guides/train-rllib.md": "python/tests/heavy/test_printed.py::test_printed_algorithm_trains",
     "docs/guides/train-trl.md": "python/tests/heavy/test_printed.py::test_printed_trainer_trains",
     "docs/guides/train-verifiers.md": "python/tests/heavy/test_verifiers.py::test_printed_evaluation_runs",
+    "docs/reference/data.md": "python/tests/heavy/test_data_export.py::test_printed_code_reads_the_tables",
     "docs/reference/openenv.md": "tests/clients/openenv_clients.py::run_documented_examples",
     "docs/reference/python.md": "python/tests/test_docs.py::test_python_page_runs_from_top_to_bottom",
     "python/README.md": "python/tests/test_docs.py::test_package_readme_code_runs",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, SupportsFloat
 
 from datasets import Dataset
 
@@ -81,6 +81,11 @@ class Environments(dict[str, EnvironmentFactory]):
             CurriculumError: A server is unreachable.
         """
         return {f"{name}/{key}": value for name, factory in self.items() for key, value in factory.metrics().items()}
+
+    def log_metrics(self, step: int, metrics: Mapping[str, SupportsFloat]) -> None:
+        """Sends the trainer's metrics to the run of each environment, as `EnvironmentFactory.log_metrics`."""
+        for factory in self.values():
+            factory.log_metrics(step, metrics)
 
     def stats(self) -> dict[str, dict[str, Any]]:
         """Returns `Curriculum.stats` of each environment by name."""
