@@ -36,6 +36,11 @@ pub(crate) fn optional_seed<'de, D: Deserializer<'de>>(deserializer: D) -> Resul
     deserializer.deserialize_option(Optional(PhantomData, expected))
 }
 
+/// Deserializes the step of a trainer, from 0 to 2^53 − 1.
+pub(crate) fn trainer_step<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
+    deserializer.deserialize_u64(Integer(PhantomData, format_args!("an integer from 0 to 9007199254740991")))
+}
+
 /// Visitor of an integer, with the description of a valid one.
 struct Integer<'a, T>(PhantomData<T>, fmt::Arguments<'a>);
 

@@ -11,6 +11,7 @@ use utoipa::{IntoParams, ToSchema};
 pub struct TrainerMetricsRequest {
     /// Step of the trainer, such as its number of environment steps or updates, from 0 to 2^53 − 1.
     #[schema(minimum = 0, maximum = 9_007_199_254_740_991_i64, example = 20480)]
+    #[serde(deserialize_with = "crate::integers::trainer_step")]
     pub step: u64,
     /// Values by name, 1 to 100; null for a number that is not finite. A name has 1 to 128 of a-z, A-Z, 0-9, _, ., :, / and -, and
     /// begins with a letter or a digit.

@@ -125,7 +125,8 @@ Examples:
       --against heuristic --svg policies.svg
   sparring eval --suite my-suite-v1.json --policy frozen --rollouts 8
   sparring eval --policy onnx:model.onnx --against heuristic
-  sparring demo --json > demo.json && sparring eval --policy reflex:demo.json";
+  sparring demo --json --exit > demo.json
+  sparring eval --policy reflex:demo.json";
 
 /// Evaluates the policies and prints the report.
 ///

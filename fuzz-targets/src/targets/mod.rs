@@ -7,6 +7,7 @@ mod curricula;
 mod designs;
 mod models;
 mod openenv;
+mod policy_files;
 mod requests;
 mod stored;
 mod strict_input;
@@ -28,6 +29,7 @@ pub static TARGETS: LazyLock<Vec<Target>> = LazyLock::new(|| {
         designs::TARGETS,
         models::TARGETS,
         command_line::TARGETS,
+        policy_files::TARGETS,
     ]
     .concat()
 });

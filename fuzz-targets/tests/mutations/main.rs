@@ -63,6 +63,7 @@ tests! {
     design design_answer failure_profile layout_file
     chat_response retry_after json_in_text reply verdict
     arguments bind server_address config event_stream server_message actions_file
+    policy_reference reflex_file onnx_file
 }
 
 #[test]

@@ -31,7 +31,7 @@ TABLES = ("runs", "moves", "layouts", "claims", "groups", "episodes", "mastery",
 def folder(tmp_path_factory):
     """Makes a database with episodes and metrics, and exports it by the printed command."""
     folder = tmp_path_factory.mktemp("data")
-    with local_curriculum(db=folder / "training.sqlite3") as curriculum:
+    with local_curriculum(db=folder / "sparring.sqlite3") as curriculum:
         envs = sparring.make_vec(num_envs=4, curriculum=curriculum)
         envs.reset()
         step_randomly(envs, 120)

@@ -5,7 +5,10 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use serde_json::json;
-use system_tests::{ApiClient, Server, http_client, sparring_binary};
+use system_tests::mock_llm::{HOLD_ACTION, chat_response, start_endpoint};
+use system_tests::{ApiClient, http_client, sparring_binary};
+
+use crate::trajectories::chat_policy::{model_config, start_server};
 
 /// Runs a script of `tests/clients` with a virtual environment of `target/` against a server, and returns its lines. `None` if
 /// the environment is not installed.
@@ -18,7 +21,8 @@ async fn run_clients(venv: &str, script: &str) -> Option<String> {
         eprintln!("skipped: `SPARRING_TRAINERS=1 scripts/openenv-venv` installs target/{venv}");
         return None;
     }
-    let mut server = Server::start().await;
+    let llm = start_endpoint([chat_response(HOLD_ACTION)]).await;
+    let mut server = start_server(model_config(&llm.uri())).await;
     let url = server.api().base().to_owned();
     let script = root.join("tests/clients").join(script);
     let run = move || Command::new(python).arg(script).arg(url).arg(sparring_binary()).output().unwrap();

@@ -18,7 +18,7 @@ use wiremock::{Mock, MockServer};
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
 /// Beginnings of lines that this test does not run, each with the reason.
-const NOT_RUN: [(&str, &str); 18] = [
+const NOT_RUN: [(&str, &str); 21] = [
     ("make ", "builds; `make test` is the command that runs this test"),
     (". .venv/bin/activate", "python/tests/test_docs.py makes and uses the environment"),
     ("python examples/first_trainer.py", "python/tests/test_docs.py runs the trainer of the README"),
@@ -33,6 +33,9 @@ const NOT_RUN: [(&str, &str); 18] = [
     ("sudo ", "needs root and systemd"),
     ("echo 'SPARRING_LLM_KEY=…' | sudo", "needs root"),
     ("docker ", "needs a container engine"),
+    ("podman ", "needs a container engine; scripts/test-container runs one"),
+    ("uv pip install", "python/tests/heavy installs the package"),
+    ("vf-eval ", "python/tests/heavy runs the commands with a small model"),
     ("head$ ", "needs several machines; python/tests/heavy runs the example on one"),
     ("all$ ", "needs several machines"),
     ("other$ ", "needs several machines"),
@@ -109,9 +112,12 @@ pages_run! {
     readme_commands_run: "README.md",
     first_run_commands_run: "docs/guides/first-run.md",
     evaluate_commands_run: "docs/guides/evaluate.md",
+    export_onnx_commands_run: "docs/guides/export-onnx.md",
     language_models_commands_run: "docs/guides/language-models.md",
     operations_commands_run: "docs/guides/operations.md",
     train_trl_commands_run: "docs/guides/train-trl.md",
+    train_verifiers_commands_run: "docs/guides/train-verifiers.md",
+    data_commands_run: "docs/reference/data.md",
     design_language_commands_run: "docs/reference/design-language.md",
     evidence_commands_run: "docs/reference/evidence.md",
     openenv_commands_run: "docs/reference/openenv.md",
@@ -159,7 +165,9 @@ async fn run_page(page: &'static str) {
 
 /// Starts a server with a run `my-run`, whose feed is full, and with three complete evaluations.
 async fn start_server(folder: &Path, llm: &str) -> ServerProcess {
-    let options = ["--policy-url", &format!("{llm}/v1"), "--policy-model", "my-model"];
+    let policies = write_policies(folder);
+    let options =
+        ["--policy-url", &format!("{llm}/v1"), "--policy-model", "my-model", "--policy-folder", &policies];
     let server = ServerProcess::start_with_options(&folder.join("sparring.sqlite3"), &options);
     let api = server.api();
     let run = json!({"id": "my-run", "tasks": ["kessler/survival"], "group_size": 2, "placement": false});
@@ -182,7 +190,18 @@ async fn start_server(folder: &Path, llm: &str) -> ServerProcess {
     server
 }
 
-/// Writes programs that replace those of the search path: `sparring serve` stops when it serves, curl fails on a problem, and the
+/// Writes the policy files that the documentation names, and returns the folder of the server's files.
+fn write_policies(folder: &Path) -> String {
+    let policies = folder.join("policies");
+    fs::create_dir(&policies).unwrap();
+    let model = Path::new(ROOT).join("tests/fixtures/onnx/tracks_continuous.onnx");
+    for file in [folder.join("model.onnx"), folder.join("policy.onnx"), policies.join("model.onnx")] {
+        fs::copy(&model, file).unwrap();
+    }
+    policies.display().to_string()
+}
+
+/// Writes programs that replace those of the search path: `sparring serve` stops when it serves, the demo is short, curl fails on a problem, and the
 /// date is that of the documentation.
 fn write_programs(folder: &Path) {
     let binary = sparring_binary().display();
@@ -190,7 +209,8 @@ fn write_programs(folder: &Path) {
         (
             "sparring",
             format!(
-                r#"if [[ "${{1:-}}" != serve ]]; then exec {binary} "$@"; fi
+                r#"if [[ "${{1:-}} ${{2:-}}" == "demo --json" ]]; then exec {binary} "$@" --episodes 192; fi
+if [[ "${{1:-}}" != serve ]]; then exec {binary} "$@"; fi
 export SPARRING_BIND=127.0.0.1:0
 [[ " $* " == *" --db "* ]] || export SPARRING_DB="$(mktemp -d)/serve.sqlite3"
 coproc server {{ exec {binary} "$@"; }}

@@ -149,10 +149,12 @@ async fn connect_mcp_session(
     get, path = "/harness", tag = "openenv",
     params(
         ("task" = Option<String>, Query, description = "Id or name of a task (default: the first task)."),
-        ("seed" = Option<u64>, Query, description = "Seed of the first scenario."),
+        ("seed" = Option<String>, Query, description = "Seed of the first scenario, an integer."),
         ("run" = Option<String>, Query, description = "Run from whose curriculum the episodes are leased.")
     ),
-    responses((status = 101), (status = 404, body = Object, description = "The request is not a WebSocket upgrade."))
+    responses(
+        (status = 101), (status = 400, body = Object), (status = 404, body = Object, description = "The request is not a WebSocket upgrade.")
+    )
 )]
 async fn connect_harness_session(
     state: State<AppState>,
