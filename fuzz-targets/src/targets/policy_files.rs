@@ -32,7 +32,7 @@ fn reference(bytes: &[u8]) -> bool {
 }
 
 fn reference_seeds() -> Vec<Vec<u8>> {
-    seeds_of(&["onnx:model.onnx", "reflex:demo.json@0123456789ab", "hold"])
+    seeds_of(&["onnx:model.onnx", "onnx:model@v2.onnx", "reflex:demo.json@0123456789ab"])
 }
 
 /// Accepted parameters are those of a reflex.
