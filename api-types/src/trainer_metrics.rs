@@ -66,4 +66,6 @@ pub struct TrainerMetric {
     pub at: Vec<f64>,
     /// Mean value of each point; null if no value is finite.
     pub value: Vec<Option<f64>>,
+    /// Value of the newest step of the last point; null if it is not finite.
+    pub last_value: Option<f64>,
 }

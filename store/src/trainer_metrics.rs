@@ -74,6 +74,8 @@ pub struct MetricPoint {
     pub at: Millis,
     /// Mean of the finite values.
     pub value: Option<f64>,
+    /// Value of the last step.
+    pub last_value: Option<f64>,
 }
 
 /// Counts the metrics that a run would have with these as well.
@@ -185,8 +187,9 @@ pub async fn curves(
     let MetricWindow { from, to, points } = window;
     Ok(sqlx::query_as!(
         MetricPoint,
-        r#"SELECT name AS "name!: String", max(step) AS "step!: i64", max(at) AS "at!: i64", avg(value) AS "value: f64" FROM (
-               SELECT name, step, at, value, ntile(?5) OVER (PARTITION BY name ORDER BY step) AS part
+        r#"SELECT name AS "name!: String", max(step) AS "step!: i64", max(at) AS "at!: i64", avg(value) AS "value: f64",
+                  max(value) FILTER (WHERE is_last) AS "last_value: f64" FROM (
+               SELECT name, step, at, value, row_number() OVER (PARTITION BY name ORDER BY step DESC) = 1 AS is_last, ntile(?5) OVER (PARTITION BY name ORDER BY step) AS part
                FROM trainer_metrics
                WHERE run = ?1 AND (?2 IS NULL OR name = ?2) AND at BETWEEN ?3 AND ?4)
            GROUP BY name, part ORDER BY name, part"#,

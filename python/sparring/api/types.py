@@ -1498,6 +1498,8 @@ class TrainerMetric(TypedDict):
 
     at: list[float]
     """Time of the last report of each point, Unix time in seconds."""
+    last_value: NotRequired[float | None]
+    """Value of the newest step of the last point; null if it is not finite."""
     name: str
     """Name of the metric."""
     step: list[int]

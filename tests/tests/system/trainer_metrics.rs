@@ -48,6 +48,8 @@ async fn metrics_are_stored_by_step_and_survive_a_restart() {
     let loss = metric(&curves, "train/loss");
     assert_eq!((&loss["step"], &loss["value"]), (&json!([5, 10, 20]), &json!([8.0, 0.25, null])));
     assert!(loss["at"].as_array().unwrap().iter().all(|at| at.as_f64().unwrap() > 1.7e9));
+    assert_eq!(loss["last_value"], Value::Null);
+    assert_eq!(metric(&curves, "entropy")["last_value"], json!(-1.5));
     let one = server.api().get(&format!("{PATH}?name=entropy")).await.expect(200);
     assert_eq!(metric(&one, "entropy")["value"], json!([-1.5]));
     let none = server.api().get(&format!("{PATH}?to=2020-01-01T00:00:00Z&from=2019-01-01T00:00:00Z")).await;
@@ -65,6 +67,7 @@ async fn points_are_means_of_successive_reports() {
     let curves = api.get(&format!("{PATH}?points=3")).await.expect(200);
     let loss = metric(&curves, "loss");
     assert_eq!((&loss["step"], &loss["value"]), (&json!([1, 3, 5]), &json!([0.5, 2.5, 5.0])));
+    assert_eq!(metric(&api.get(&format!("{PATH}?points=1")).await.expect(200), "loss")["last_value"], 5.0);
 }
 
 #[tokio::test]

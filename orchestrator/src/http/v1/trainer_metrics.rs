@@ -19,7 +19,7 @@ use crate::runs::log_metrics::LogMetrics;
 /// Groups points by metric.
 fn metrics_of(points: Vec<MetricPoint>) -> Vec<TrainerMetric> {
     let mut metrics = Vec::<TrainerMetric>::new();
-    for MetricPoint { name, step, at, value } in points {
+    for MetricPoint { name, step, at, value, last_value } in points {
         if metrics.last().is_none_or(|last| last.name != name) {
             metrics.push(TrainerMetric { name, ..TrainerMetric::default() });
         }
@@ -27,6 +27,7 @@ fn metrics_of(points: Vec<MetricPoint>) -> Vec<TrainerMetric> {
             metric.step.push(step);
             metric.at.push(at as f64 / 1000.0);
             metric.value.push(value);
+            metric.last_value = last_value;
         }
     }
     metrics
