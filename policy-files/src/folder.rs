@@ -8,8 +8,8 @@ use std::time::SystemTime;
 use env_core::policy_factory::{BuiltInPolicy, PolicyFactory};
 
 use crate::error::PolicyFileError;
-use crate::reference::{HASH_DIGITS, PolicyFileKind, PolicyReference};
-use crate::{open_bytes, read_file};
+use crate::reference::{PolicyFileKind, PolicyReference};
+use crate::{check_hash, open_bytes, read_file};
 
 /// Maximum number of parsed files that are kept.
 const MAX_CACHED: usize = 16;
@@ -81,12 +81,8 @@ impl PolicyFolder {
             return Err(PolicyFileError::Outside(reference.to_string()));
         }
         let parsed = self.parse(kind, file)?;
-        match hash {
-            Some(hash) if *hash != parsed.hash => {
-                Err(PolicyFileError::Changed { requested: reference.to_string(), found: parsed.hash })
-            }
-            _ => Ok(parsed),
-        }
+        check_hash(reference, hash.as_deref(), &parsed.hash)?;
+        Ok(parsed)
     }
 
     /// Parses a file, unless it is unchanged since it was parsed last.
@@ -105,7 +101,7 @@ impl PolicyFolder {
         // Errors name the file, not the server's folder.
         let contents = read_file(&path).map_err(|error| without_folder(error, file))?;
         let factory = open_bytes(kind, key.to_string(), Path::new(file), &contents)?;
-        let hash = contents.hash[..HASH_DIGITS].to_owned();
+        let hash = contents.short_hash().to_owned();
         let parsed = ParsedFile { modified: now.modified().ok(), bytes: now.len(), hash, factory };
         let mut all = lock();
         if all.len() >= MAX_CACHED {

@@ -18,6 +18,7 @@ use env_core::policy_factory::{BuiltInPolicy, PolicyFactory};
 pub use self::error::PolicyFileError;
 pub use self::folder::PolicyFolder;
 pub use self::onnx::OnnxPolicy;
+use self::reference::HASH_DIGITS;
 pub use self::reference::{PolicyFileKind, PolicyReference};
 pub use self::reflex::ReflexPolicy;
 
@@ -31,10 +32,33 @@ struct PolicyBytes {
     hash: String,
 }
 
+impl PolicyBytes {
+    /// Beginning of the hash, as references have it.
+    fn short_hash(&self) -> &str {
+        self.hash.get(..HASH_DIGITS).unwrap_or_default()
+    }
+}
+
+/// Checks that a file has the hash of its reference, if the reference has one.
+fn check_hash(reference: &PolicyReference, wanted: Option<&str>, found: &str) -> Result<(), PolicyFileError> {
+    match wanted {
+        Some(wanted) if wanted != found => {
+            Err(PolicyFileError::Changed { requested: reference.to_string(), found: found.to_owned() })
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Reads a policy file.
 fn read_file(path: &Path) -> Result<PolicyBytes, PolicyFileError> {
     let unreadable = |source| PolicyFileError::Read { file: path.to_owned(), source };
-    let bytes = std::fs::metadata(path).map_err(unreadable)?.len();
+    let metadata = std::fs::metadata(path).map_err(unreadable)?;
+    // Reading a pipe or a device might never end.
+    if !metadata.is_file() {
+        let reason = std::io::Error::new(std::io::ErrorKind::InvalidInput, "it is not a regular file");
+        return Err(unreadable(reason));
+    }
+    let bytes = metadata.len();
     if bytes > MAX_FILE_BYTES {
         return Err(PolicyFileError::TooLarge { file: path.to_owned(), bytes });
     }
@@ -46,13 +70,15 @@ fn read_file(path: &Path) -> Result<PolicyBytes, PolicyFileError> {
 /// Creates the factory of a policy: a built-in one, or the contents of a file at a path of this machine.
 ///
 /// # Errors
-/// Returns [`PolicyFileError`] if the file cannot be read or is not a policy.
+/// Returns [`PolicyFileError`] if the file cannot be read, is not a policy, or has another hash than the reference.
 pub fn open(reference: &PolicyReference) -> Result<Arc<dyn PolicyFactory>, PolicyFileError> {
     match reference {
         PolicyReference::BuiltIn(name) => Ok(Arc::new(BuiltInPolicy(name.clone()))),
-        PolicyReference::File { kind, file, .. } => {
+        PolicyReference::File { kind, file, hash } => {
             let path = Path::new(file);
-            open_bytes(*kind, reference.to_string(), path, &read_file(path)?)
+            let contents = read_file(path)?;
+            check_hash(reference, hash.as_deref(), contents.short_hash())?;
+            open_bytes(*kind, reference.to_string(), path, &contents)
         }
     }
 }

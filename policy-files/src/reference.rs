@@ -92,6 +92,18 @@ mod tests {
     use super::*;
 
     #[test]
+    fn hash_of_a_file_is_checked_and_devices_are_refused() {
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/fixtures/onnx/tracks_continuous.onnx");
+        let open = |text: String| crate::open(&PolicyReference::parse(&text)).map(|_| ());
+        open(format!("onnx:{file}")).unwrap();
+        let changed = open(format!("onnx:{file}@000000000000")).unwrap_err().to_string();
+        let found = changed.rsplit(' ').next().unwrap();
+        open(format!("onnx:{file}@{found}")).unwrap();
+        let device = open("onnx:/dev/zero".to_owned()).unwrap_err().to_string();
+        assert!(device.contains("not a regular file"), "{device}");
+    }
+
+    #[test]
     fn references_parse_and_print_as_given() {
         for text in [
             "hold",
