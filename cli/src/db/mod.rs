@@ -15,7 +15,7 @@ use clap::Subcommand;
 use sqlx::SqlitePool;
 
 use commands::files;
-use commands::interrupt::INTERRUPTED;
+use commands::interrupt::{INTERRUPTED, StopSignal};
 
 /// Inspect, check, back up, compact or export a database.
 #[derive(Debug, clap::Args)]
@@ -74,13 +74,18 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         tokio::select! {
             ended = work => ended,
             // Work that is dropped deletes its temporary files.
-            interrupted = tokio::signal::ctrl_c() => interrupted.context("the handler of Ctrl-C cannot be installed").map(|()| {
+            stopped = stop_requested() => stopped.context("the handler of signals cannot be installed").map(|()| {
                 // If stderr is closed, the exit code still reports the interrupt.
                 let _ = writeln!(std::io::stderr(), "sparring: interrupted");
                 ExitCode::from(INTERRUPTED)
             }),
         }
     })
+}
+
+/// Waits for Ctrl-C or SIGTERM.
+async fn stop_requested() -> std::io::Result<()> {
+    StopSignal::install()?.received().await.map(|_| ())
 }
 
 /// Opens read connections to a database with this program's schema.

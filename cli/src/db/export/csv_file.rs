@@ -27,13 +27,14 @@ impl CsvFile {
     }
 }
 
-/// Text of a cell. A number has the fewest digits that are exact.
+/// Text of a cell. A real has the fewest digits that are exact, and always a point or an exponent, by which readers tell it from an
+/// integer.
 fn text(cell: Cell) -> String {
     match cell {
         Cell::Null => String::new(),
         Cell::Text(text) => text,
         Cell::Integer(number) => number.to_string(),
-        Cell::Real(number) => number.to_string(),
+        Cell::Real(number) => format!("{number:?}"),
         Cell::Boolean(value) => value.to_string(),
     }
 }

@@ -110,8 +110,7 @@ pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
         std::fs::rename(&tables, out).map_err(|error| files::write_fault(out, &error))?;
         report.line(format!("{rows} rows are in the files of {}.", out.display()));
     } else {
-        let beside =
-            tempfile::NamedTempFile::new_in(folder).map_err(|error| files::write_fault(out, &error))?;
+        let beside = readable_file(folder).map_err(|error| files::write_fault(out, &error))?;
         let mut sink = ExportSink::Lines(LineSink::new(beside.reopen()?));
         write_all(conn, &ids, args.actions, &mut sink).await?;
         let lines = sink.finish()?;
@@ -121,6 +120,14 @@ pub(super) async fn run(db: &Path, args: &Args) -> anyhow::Result<ExitCode> {
     }
     output::print_report(&report)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Creates a temporary file with the permissions of other files of the user; by default it would be private.
+fn readable_file(folder: &Path) -> std::io::Result<tempfile::NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.tempfile_in(folder)
 }
 
 async fn write_all(

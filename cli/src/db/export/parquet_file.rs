@@ -67,8 +67,8 @@ impl ParquetFile {
 /// Schema of a column.
 fn field(column: &Column) -> anyhow::Result<Type> {
     let (physical, logical) = match column.kind {
-        ColumnKind::Text => (PhysicalType::BYTE_ARRAY, Some(LogicalType::String)),
-        ColumnKind::Json => (PhysicalType::BYTE_ARRAY, Some(LogicalType::Json)),
+        // polars reads the logical type JSON as bytes.
+        ColumnKind::Text | ColumnKind::Json => (PhysicalType::BYTE_ARRAY, Some(LogicalType::String)),
         ColumnKind::Integer => (PhysicalType::INT64, None),
         ColumnKind::Real => (PhysicalType::DOUBLE, None),
         ColumnKind::Boolean => (PhysicalType::BOOLEAN, None),
