@@ -105,7 +105,6 @@ const OPERATIONS: &[Operation] = &[
     openenv("GET", "/mcp", Trainer),
     openenv("DELETE", "/mcp", Trainer),
     openenv("GET", "/ws", Trainer),
-    openenv("GET", "/harness", Trainer),
     openenv("GET", "/ws/ui", Viewer),
     openenv("GET", "/web/metadata", Viewer),
     openenv("GET", "/web/state", Viewer),
@@ -146,6 +145,8 @@ const OPERATIONS: &[Operation] = &[
     read("/v1/runs/{run}/policy"),
     read("/v1/runs/{run}/policy_versions"),
     // A lease shows the bracket of its scenarios, which only trainers may see.
+    // Each turn costs calls of the operator's model, so that the route is not public with the others of OpenEnv.
+    train("GET", "/harness"),
     take_part("GET", "/v1/runs/{run}/leases"),
     take_part("GET", "/v1/runs/{run}/leases/{lease}"),
     take_part("GET", "/v1/runs/{run}/leases/{lease}/columns"),

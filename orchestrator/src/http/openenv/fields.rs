@@ -169,6 +169,35 @@ impl<'a> FieldReader<'a> {
 const MISTAKEN_NAMES: [(&str, &str); 4] =
     [("run_id", "run"), ("lease", "lease_id"), ("group", "group_id"), ("task_id", "task")];
 
+/// Fields of the data of a reset.
+const RESET_FIELDS: [&str; 13] = [
+    "seed",
+    "task",
+    "params",
+    "physics",
+    "scenario",
+    "run",
+    "lease_id",
+    "group_id",
+    "group_size",
+    "policy_version",
+    "split",
+    "index",
+    "episode_id",
+];
+
+/// Parameters of a query, in order.
+pub(super) type QueryParams = Vec<(String, String)>;
+
+/// Returns the reason if a query has a field of a reset, which would be ignored there: the episode would have another scenario, or be
+/// lost to its run. Other parameters are ignored, as OpenEnv's server does.
+pub(super) fn misplaced_field(query: &QueryParams) -> Option<String> {
+    let is_mistaken = |name: &str| MISTAKEN_NAMES.iter().any(|(mistaken, _)| *mistaken == name);
+    let (name, _) =
+        query.iter().find(|(name, _)| RESET_FIELDS.contains(&name.as_str()) || is_mistaken(name))?;
+    Some(format!("`{name}` must be sent in the data of a reset, not in the query"))
+}
+
 /// Reads the data of a reset.
 pub(in crate::http) fn read_session_request(fields: &mut FieldReader<'_>) -> SessionRequest {
     for (mistaken, field) in MISTAKEN_NAMES {

@@ -5,6 +5,7 @@ use axum::extract::State;
 use axum::extract::ws::{WebSocket, WebSocketUpgrade};
 use axum::response::Response;
 use clock::Millis;
+use env_core::text::{MAX_QUOTED_CHARS, shorten};
 use llm_policy::{ActionCodec, ChatPolicy, ChatSettings, ObservationFormat, TaskPrompt};
 use serde_json::{Map, Value, json};
 
@@ -29,26 +30,40 @@ const HISTORY: usize = 2;
 /// Longest message of a client, in characters.
 const MAX_MESSAGE_CHARS: usize = 20_000;
 
+/// Fields of the query of a harness session.
+const QUERY_FIELDS: [&str; 3] = ["task", "seed", "run"];
+
 /// Query of a harness session: which scenarios it has.
-#[derive(Debug, Clone, serde::Deserialize)]
-pub(super) struct HarnessQuery {
-    task: Option<String>,
-    seed: Option<String>,
-    run: Option<String>,
-}
+#[derive(Debug, Clone)]
+pub(super) struct HarnessQuery(pub(super) Vec<(String, String)>);
 
 impl HarnessQuery {
+    /// Checks that the query has no unknown or repeated field: an ignored one would lead to other episodes than the client expects.
+    fn check(&self) -> Result<(), String> {
+        let known = QUERY_FIELDS.join(", ");
+        for (at, (name, _)) in self.0.iter().enumerate() {
+            if !QUERY_FIELDS.contains(&name.as_str()) {
+                let name = shorten(name, MAX_QUOTED_CHARS);
+                return Err(format!(
+                    "Invalid query: {name:?} is not a known field; the known fields are {known}"
+                ));
+            }
+            if self.0[..at].iter().any(|(earlier, _)| earlier == name) {
+                return Err(format!("Invalid query: {name} is repeated"));
+            }
+        }
+        Ok(())
+    }
+
     /// Fields of a reset. Only the first episode has the seed.
     fn fields(&self, is_first: bool) -> Map<String, Value> {
-        let seed = self.seed.as_ref().filter(|_| is_first);
-        // A text that is no number is reported as an error of the field.
-        let seed = seed.map(|text| text.parse::<u64>().map_or_else(|_| json!(text), |seed| json!(seed)));
-        let fields = [
-            ("task", self.task.as_ref().map(|task| json!(task))),
-            ("seed", seed),
-            ("run", self.run.as_ref().map(|run| json!(run))),
-        ];
-        fields.into_iter().filter_map(|(name, value)| Some((name.to_owned(), value?))).collect()
+        let fields = self.0.iter().filter(|(name, _)| is_first || name != "seed");
+        let value = |(name, text): &(String, String)| {
+            // A text that is no number is reported as an error of the field.
+            let number = text.parse::<u64>().ok().filter(|_| name == "seed");
+            (name.clone(), number.map_or_else(|| json!(text), |seed| json!(seed)))
+        };
+        fields.map(value).collect()
     }
 }
 
@@ -114,7 +129,11 @@ struct Harness<'a> {
 impl Harness<'_> {
     /// Begins an episode and answers messages until the connection ends.
     async fn run(&self, socket: &mut WebSocket, session: &mut Session) -> HarnessEnd {
-        if let Err(message) = self.reset(session).await {
+        let begun = match self.query.check() {
+            Ok(()) => self.reset(session).await,
+            Err(message) => Err(message),
+        };
+        if let Err(message) = begun {
             return HarnessEnd::Close(Some(error_frame("SESSION_ERROR", &message)));
         }
         let mut policy = self.policy(session);
@@ -134,32 +153,10 @@ impl Harness<'_> {
                     reason = closing.closed() => Received::Stop(reason),
                 },
             };
-            let content = match received {
-                Received::Text(text) => match read_message(&text) {
-                    Ok(content) => content,
-                    Err(frame) => {
-                        if send_text(socket, frame.to_string().into_bytes()).await.is_err() {
-                            return HarnessEnd::Gone;
-                        }
-                        continue;
-                    }
-                },
-                Received::Binary(_) => {
-                    let frame = protocol_error("INVALID_JSON", "binary frames are not supported; send text");
-                    if send_text(socket, frame.to_string().into_bytes()).await.is_err() {
-                        return HarnessEnd::Gone;
-                    }
-                    continue;
-                }
-                Received::Idle => {
-                    let message = "the session ended after its idle timeout";
-                    return HarnessEnd::Close(Some(error_frame("SESSION_TIMEOUT", message)));
-                }
-                Received::Stop(reason) => {
-                    return HarnessEnd::Close(Some(error_frame("SESSION_ERROR", reason.message())));
-                }
-                Received::TooLarge => return HarnessEnd::FrameTooLarge,
-                Received::Left | Received::Gone => return HarnessEnd::Gone,
+            let content = match read_received(socket, received).await {
+                Ok(Some(content)) => content,
+                Ok(None) => continue,
+                Err(end) => return end,
             };
             if session.view().is_ok_and(|view| view.done) {
                 if let Err(message) = self.reset(session).await {
@@ -168,7 +165,14 @@ impl Harness<'_> {
                 policy = self.policy(session);
             }
             policy.instruct(&content);
-            if let Some(end) = self.run_turn(socket, session, &mut policy, &mut early).await {
+            let turn = self.run_turn(socket, session, &mut policy, &mut early);
+            let end = tokio::select! {
+                end = turn => end,
+                reason = closing.closed() => {
+                    Some(HarnessEnd::Close(Some(fatal_error(reason.message(), self.app.clock.now()))))
+                }
+            };
+            if let Some(end) = end {
                 return end;
             }
         }
@@ -201,8 +205,8 @@ impl Harness<'_> {
                 return Some(HarnessEnd::Gone);
             };
             let now = self.app.clock.now();
-            for TurnEvent { kind, data } in events.list {
-                let frame = harness_event(kind, &data, now).to_string().into_bytes();
+            for TurnEvent { kind, data, ago } in events.list {
+                let frame = harness_event(kind, &data, now - ago).to_string().into_bytes();
                 if send_text(socket, frame).await.is_err() {
                     return Some(HarnessEnd::Gone);
                 }
@@ -227,6 +231,31 @@ impl Harness<'_> {
             max_tokens: self.endpoint.llm.config().max_tokens,
         };
         ChatPolicy::new(self.endpoint.llm.clone(), prompt, settings)
+    }
+}
+
+/// Reads the instruction in a frame. Returns `None` if the frame was invalid and the client has received the reason, and an error if
+/// the connection ends.
+async fn read_received(socket: &mut WebSocket, received: Received) -> Result<Option<String>, HarnessEnd> {
+    let invalid = match received {
+        Received::Text(text) => match read_message(&text) {
+            Ok(content) => return Ok(Some(content)),
+            Err(frame) => frame,
+        },
+        Received::Binary(_) => protocol_error("INVALID_JSON", "binary frames are not supported; send text"),
+        Received::Idle => {
+            let message = "the session ended after its idle timeout";
+            return Err(HarnessEnd::Close(Some(error_frame("SESSION_TIMEOUT", message))));
+        }
+        Received::Stop(reason) => {
+            return Err(HarnessEnd::Close(Some(error_frame("SESSION_ERROR", reason.message()))));
+        }
+        Received::TooLarge => return Err(HarnessEnd::FrameTooLarge),
+        Received::Left | Received::Gone => return Err(HarnessEnd::Gone),
+    };
+    match send_text(socket, invalid.to_string().into_bytes()).await {
+        Ok(()) => Ok(None),
+        Err(_) => Err(HarnessEnd::Gone),
     }
 }
 

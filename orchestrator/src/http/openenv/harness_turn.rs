@@ -17,6 +17,14 @@ pub(super) struct TurnEvent {
     pub(super) kind: &'static str,
     /// Data of the event.
     pub(super) data: Value,
+    /// Time since the event occurred, in milliseconds.
+    pub(super) ago: Millis,
+}
+
+impl TurnEvent {
+    const fn now(kind: &'static str, data: Value) -> Self {
+        Self { kind, data, ago: 0 }
+    }
 }
 
 /// Events of one step of a turn.
@@ -44,7 +52,7 @@ impl<'a> HarnessTurn<'a> {
         let end = match self.step(&mut list).await {
             Ok(false) => None,
             Ok(true) => {
-                list.push(TurnEvent { kind: "turn_complete", data: self.summary() });
+                list.push(TurnEvent::now("turn_complete", self.summary()));
                 Some(Ok(()))
             }
             Err(message) => Some(Err(message)),
@@ -57,17 +65,14 @@ impl<'a> HarnessTurn<'a> {
         let seen = self.time_step()?;
         let turn = self.policy.act(&seen).await.map_err(|error| error.to_string())?;
         let model = self.policy.model().to_owned();
-        for completion in &turn.completions {
-            events.extend(call_events(&model, completion));
-        }
+        events.extend(call_events(&model, &turn.completions));
         let arguments = turn.action.clone();
-        events
-            .push(TurnEvent { kind: "tool_call", data: json!({"tool_name": TOOL, "arguments": arguments}) });
+        events.push(TurnEvent::now("tool_call", json!({"tool_name": TOOL, "arguments": arguments})));
         let view = self.session.step(&turn.action).await.map_err(|error| session_error_message(&error))?;
         let result = step_response::step_value(&view);
         let done = view.done;
         let data = json!({"tool_name": TOOL, "result": result, "error": turn_error(&turn)});
-        events.push(TurnEvent { kind: "tool_result", data });
+        events.push(TurnEvent::now("tool_result", data));
         Ok(done)
     }
 
@@ -92,15 +97,22 @@ fn turn_error(turn: &ChatTurn) -> Value {
     turn.error.as_ref().map_or(Value::Null, |error| json!(error))
 }
 
-/// Events of a call of the model: request and response.
-fn call_events(model: &str, completion: &Completion) -> [TurnEvent; 2] {
-    let request = json!({"messages": completion.messages, "model": model});
-    let usage = json!({"prompt_tokens": completion.tokens_in, "completion_tokens": completion.tokens_out});
-    let response = json!({"content": completion.text, "usage": usage, "error": completion.error});
-    [TurnEvent { kind: "llm_request", data: request }, TurnEvent { kind: "llm_response", data: response }]
+/// Events of calls of the model: a request and a response each. Calls follow each other, and the last one has just ended.
+fn call_events(model: &str, completions: &[Completion]) -> Vec<TurnEvent> {
+    let mut events = Vec::new();
+    let mut ago = completions.iter().map(|call| call.latency_ms).fold(0, u64::saturating_add);
+    for call in completions {
+        let request = json!({"messages": call.messages, "model": model});
+        events.push(TurnEvent { kind: "llm_request", data: request, ago: ago.cast_signed() });
+        ago = ago.saturating_sub(call.latency_ms);
+        let usage = json!({"prompt_tokens": call.tokens_in, "completion_tokens": call.tokens_out});
+        let response = json!({"content": call.text, "usage": usage, "error": call.error});
+        events.push(TurnEvent { kind: "llm_response", data: response, ago: ago.cast_signed() });
+    }
+    events
 }
 
-/// Returns the frame of an event that is sent now. Its time is in seconds.
-pub(super) fn harness_event(kind: &str, data: &Value, now: Millis) -> Value {
-    json!({"type": kind, "timestamp": now as f64 / 1000.0, "data": data})
+/// Returns the frame of an event. Its time is in seconds.
+pub(super) fn harness_event(kind: &str, data: &Value, at: Millis) -> Value {
+    json!({"type": kind, "timestamp": at as f64 / 1000.0, "data": data})
 }

@@ -33,6 +33,8 @@ use utoipa_axum::routes;
 
 pub use self::episode_boards::EpisodeBoards;
 use self::error_response::ErrorResponse;
+use self::fields::QueryParams;
+use self::harness::HarnessQuery;
 pub(super) use self::tasks::{built_in_task, known_tasks, task_by_name};
 use super::access::Caller;
 use crate::http::state::AppState;
@@ -92,12 +94,6 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .route("/web/step", post(web::step))
 }
 
-/// Query of a WebSocket. Other parameters are ignored, as OpenEnv's server does.
-#[derive(serde::Deserialize)]
-struct SocketQuery {
-    session_id: Option<String>,
-}
-
 type Upgrade = Result<WebSocketUpgrade, WebSocketUpgradeRejection>;
 
 /// Run episodes over a WebSocket in OpenEnv's frames: `reset`, `step`, `state`, `close`.
@@ -111,12 +107,11 @@ type Upgrade = Result<WebSocketUpgrade, WebSocketUpgradeRejection>;
 async fn connect_environment_session(
     state: State<AppState>,
     Extension(caller): Extension<Caller>,
-    Query(query): Query<SocketQuery>,
+    Query(query): Query<QueryParams>,
     upgrade: Upgrade,
 ) -> Response {
-    let session_id = query.session_id.filter(|id| !id.is_empty());
     match upgrade {
-        Ok(upgrade) => socket::connect(state, caller.identity, session_id, upgrade).await,
+        Ok(upgrade) => socket::connect(state, caller.identity, query, upgrade).await,
         // Like openenv-core, a route that is only a WebSocket does not exist for other requests.
         Err(_) => ErrorResponse::new(StatusCode::NOT_FOUND, "Not Found").into_response(),
     }
@@ -159,11 +154,11 @@ async fn connect_mcp_session(
 async fn connect_harness_session(
     state: State<AppState>,
     Extension(caller): Extension<Caller>,
-    Query(query): Query<harness::HarnessQuery>,
+    Query(query): Query<QueryParams>,
     upgrade: Upgrade,
 ) -> Response {
     match upgrade {
-        Ok(upgrade) => harness::connect(state, caller.identity, query, upgrade).await,
+        Ok(upgrade) => harness::connect(state, caller.identity, HarnessQuery(query), upgrade).await,
         Err(_) => ErrorResponse::new(StatusCode::NOT_FOUND, "Not Found").into_response(),
     }
 }

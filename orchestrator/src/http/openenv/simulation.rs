@@ -1,7 +1,7 @@
 //! `/reset`, `/step` and `/state`: a session over single HTTP requests.
 
 use axum::Extension;
-use axum::extract::State;
+use axum::extract::{Query, State};
 use axum::http::header::COOKIE;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
@@ -12,7 +12,7 @@ use openenv_wire::LocSegment;
 
 use super::body::{self, Body};
 use super::error_response::{ErrorResponse, request_error};
-use super::fields::{FieldReader, read_session_request};
+use super::fields::{FieldReader, QueryParams, misplaced_field, read_session_request};
 use super::step_response;
 use super::tasks::{RESET_ORDER, built_in_task};
 use crate::http::state::AppState;
@@ -72,9 +72,19 @@ pub(super) fn session_cookie(headers: &HeaderMap) -> Option<String> {
 pub(super) async fn reset_environment(
     State(app): State<AppState>,
     Extension(caller): Extension<Caller>,
+    Query(query): Query<QueryParams>,
     headers: HeaderMap,
     Body(fields): Body,
 ) -> Result<Response, ErrorResponse> {
+    if let Some(reason) = misplaced_field(&query) {
+        let location = vec![LocSegment::Field("query".to_owned())];
+        return Err(ErrorResponse::single(
+            "value_error",
+            location,
+            &format!("Value error, {reason}"),
+            Value::Null,
+        ));
+    }
     let name = session_key(&headers, &caller)?;
     let session = app.sessions.get_or_open(&caller.identity, &name)?;
     let mut session = session.lock().await;

@@ -17,7 +17,7 @@ use super::super::socket::{
 };
 use super::error_message::service_error_message;
 use super::error_response::request_error;
-use super::fields::{FieldReader, read_session_request};
+use super::fields::{FieldReader, QueryParams, misplaced_field, read_session_request};
 use super::mcp;
 use super::step_response;
 use super::tasks::{RESET_ORDER, built_in_task};
@@ -30,14 +30,14 @@ const INITIAL_CAPACITY: usize = 4 * 1024;
 /// Maximum number of errors in a message.
 const MAX_SHOWN_ERRORS: usize = 3;
 
-/// Opens a session over a WebSocket, or attaches to the session with the name `attach_to`.
+/// Opens a session over a WebSocket, or attaches to the one that the query names.
 pub(super) async fn connect(
     State(app): State<AppState>,
     client: ClientIdentity,
-    attach_to: Option<String>,
+    query: QueryParams,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    limit_frames(upgrade).on_upgrade(move |socket| serve(socket, app, client, attach_to))
+    limit_frames(upgrade).on_upgrade(move |socket| serve(socket, app, client, query))
 }
 
 /// Session of a connection.
@@ -50,8 +50,12 @@ enum ConnectedSession {
 
 impl ConnectedSession {
     /// Opens a session, or attaches to the one with a name. An error is the frame for the client.
-    fn connect(app: &AppState, client: &ClientIdentity, attach_to: Option<String>) -> Result<Self, Value> {
-        match attach_to {
+    fn connect(app: &AppState, client: &ClientIdentity, query: &QueryParams) -> Result<Self, Value> {
+        if let Some(reason) = misplaced_field(query) {
+            return Err(error_frame("VALIDATION_ERROR", &reason));
+        }
+        let named = query.iter().find(|(name, value)| name == "session_id" && !value.is_empty());
+        match named.map(|(_, value)| value.clone()) {
             None => match app.sessions.open(client) {
                 Ok(session) => Ok(Self::Own(Arc::new(Mutex::new(session)))),
                 Err(full) => Err(capacity_error(full)),
@@ -76,8 +80,8 @@ impl ConnectedSession {
     }
 }
 
-async fn serve(mut socket: WebSocket, app: AppState, client: ClientIdentity, attach_to: Option<String>) {
-    let connected = match ConnectedSession::connect(&app, &client, attach_to) {
+async fn serve(mut socket: WebSocket, app: AppState, client: ClientIdentity, query: QueryParams) {
+    let connected = match ConnectedSession::connect(&app, &client, &query) {
         Ok(connected) => connected,
         Err(frame) => {
             let _ = send_text(&mut socket, frame.to_string().into_bytes()).await;

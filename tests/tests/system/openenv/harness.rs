@@ -116,7 +116,13 @@ async fn invalid_messages_leave_the_session_and_failures_end_it() {
     assert_eq!((&error["type"], &error["data"]["recoverable"]), (&json!("error"), &json!(false)), "{error}");
     assert!(matches!(socket.receive().await, Received::Closed(_)));
 
-    for (query, message) in [("?task=golf", "task"), ("?seed=x", "seed"), ("?run=missing", "missing")] {
+    for (query, message) in [
+        ("?task=golf", "task"),
+        ("?seed=x", "seed"),
+        ("?run=missing", "missing"),
+        ("?run_id=r", "\"run_id\" is not a known field; the known fields are task, seed, run"),
+        ("?seed=1&seed=2", "seed is repeated"),
+    ] {
         let mut socket = connect(&api, query).await;
         let error = receive(&mut socket).await;
         assert_eq!(error["data"]["code"], "SESSION_ERROR");

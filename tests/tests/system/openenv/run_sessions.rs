@@ -1,7 +1,7 @@
 //! Sessions that run episodes of a curriculum: whose steps a log has, and which policy version an episode has.
 
 use serde_json::{Value, json};
-use system_tests::{ApiClient, Server, http_client};
+use system_tests::{ApiClient, Received, Server, http_client};
 
 use super::socket::OpenEnvSocket;
 
@@ -114,4 +114,18 @@ async fn siblings_keep_their_own_policy_versions() {
     while socket.step(hold()).await["done"] != true {}
     let stored = api.get("/v1/runs/run/episodes").await.expect(200);
     assert!(stored["episodes"].as_array().unwrap().iter().any(|episode| episode["policy_version"] == 6));
+}
+
+#[tokio::test]
+async fn fields_of_a_reset_in_a_query_are_refused() {
+    let server = Server::start().await;
+    let api = server.api();
+    for query in ["run=r", "run_id=r", "task=rendezvous&seed=5", "x=1&seed=5"] {
+        let reset = api.post(&format!("/reset?{query}"), json!({})).await;
+        assert!(reset.expect(422)["detail"].to_string().contains("must be sent in the data of a reset"));
+        let mut socket = OpenEnvSocket::connect(&api, &format!("/ws?{query}")).await;
+        let Received::Text(frame) = socket.receive().await else { panic!("no frame") };
+        assert_eq!(frame["data"]["code"], "VALIDATION_ERROR", "{frame}");
+    }
+    let _ = api.post("/reset?x=1", json!({})).await.expect(200);
 }
