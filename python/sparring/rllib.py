@@ -52,6 +52,13 @@ if not TYPE_CHECKING:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
+_EVALUATION_COUNTS = (
+    "`evaluation_config` must have an env_config without a curriculum, because episodes of the algorithm's evaluation would "
+    "count as training: config.evaluation(evaluation_interval=…, evaluation_config={'env_config': {'curriculum': None}}), or "
+    "use sparring.evaluate"
+)
+
+
 class CurriculumCallback(RLlibCallback):
     """Sets the policy version of all env runners after each iteration, and adds the curriculum's metrics to the results.
 
@@ -77,8 +84,16 @@ class CurriculumCallback(RLlibCallback):
         self._excluded: set[str] = set()
 
     def on_algorithm_init(self, *, algorithm: Any, **_: Any) -> None:
-        """Opens the curriculum of the env_config."""
+        """Opens the curriculum of the env_config.
+
+        Raises:
+            ValueError: The algorithm evaluates in environments with a curriculum.
+        """
         arguments = algorithm.config.env_config.get("curriculum")
+        if algorithm.eval_env_runner_group is not None and algorithm.evaluation_config.env_config.get("curriculum"):
+            # It returns the episodes that its env runners have leased.
+            algorithm.cleanup()
+            raise ValueError(_EVALUATION_COUNTS)
         if arguments is not None:
             # It runs no episodes: env runners have curricula of their own.
             url, token = arguments.get("url", DEFAULT_URL), arguments.get("token")
@@ -89,6 +104,15 @@ class CurriculumCallback(RLlibCallback):
     def _start(self, algorithm: Any, curriculum: Curriculum) -> None:
         self._first_version = max(0, curriculum.policy_version - algorithm.iteration)
         _set_policy_version(algorithm, self._first_version + algorithm.iteration)
+
+    def on_evaluate_start(self, *, algorithm: Any, **_: Any) -> None:
+        """Rejects `algorithm.evaluate()` in the environments of the training, which have the curriculum.
+
+        Raises:
+            ValueError: The algorithm has no environments for evaluation.
+        """
+        if self._curriculum is not None and algorithm.eval_env_runner_group is None:
+            raise ValueError(_EVALUATION_COUNTS)
 
     def on_train_result(self, *, algorithm: Any, result: dict[str, Any], **_: Any) -> None:
         """Sets the policy version, adds the metrics, and reports those of the learners."""

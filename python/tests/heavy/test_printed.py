@@ -46,11 +46,15 @@ def test_printed_algorithm_trains(server_url):
     ray.init("local", num_cpus=3, include_dashboard=False, object_store_memory=100 * 2**20, log_to_driver=False)
     names = {}
     try:
-        run_block("docs/guides/train-rllib.md", names, {URL: server_url})
+        run_block("docs/guides/train-rllib.md", names, {URL: server_url}, "PPOConfig()")
         result = names["algorithm"].train()
+        names["algorithm"].stop()
+        run_block("docs/guides/train-rllib.md", names, {"evaluation_interval=10": "evaluation_interval=1"}, "config.evaluation(")
+        evaluated = names["algorithm"].train()
         names["algorithm"].stop()
     finally:
         ray.shutdown()
+    assert "evaluation" not in result and evaluated["evaluation"]["env_runners"]["num_episodes"] >= 10
     assert result["curriculum"]["episodes/finished"] > 0
     assert result["env_runners"]["num_env_steps_sampled"] >= 2 * 32 * 50
 

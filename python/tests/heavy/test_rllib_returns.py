@@ -4,7 +4,7 @@ import pytest
 
 pytest.importorskip("ray.rllib")
 from conftest import needs_server
-from test_rllib import agents_config, cluster, local_curriculum, team_config  # noqa: F401
+from test_rllib import active_leases, agents_config, cluster, local_curriculum, team_config  # noqa: F401
 
 pytestmark = needs_server
 
@@ -48,3 +48,49 @@ def test_returns_of_agents_are_those_of_the_team(cluster):  # noqa: F811
     of_agents = metrics["agent_episode_returns_mean"].values()
     assert max(of_agents) <= sum(scores) / len(scores) + 1e-6
     assert min(of_agents) > 0.0
+
+
+def evaluating_config(curriculum, **evaluation):
+    config = team_config(curriculum, envs=2, steps=51).env_runners(num_env_runners=0)
+    return config.evaluation(evaluation_duration=4, **evaluation)
+
+
+@pytest.mark.parametrize(
+    "evaluation",
+    [
+        {"evaluation_interval": 1},
+        {"evaluation_num_env_runners": 1},
+        {"evaluation_interval": 1, "evaluation_config": {"explore": False, "env_config": {"threads": 1}}},
+    ],
+)
+def test_evaluation_with_the_curriculum_is_rejected(cluster, evaluation):  # noqa: F811
+    with local_curriculum(["kessler/survival"]) as curriculum:
+        with pytest.raises(ValueError, match=r"`evaluation_config` must .*'curriculum': None.*sparring\.evaluate"):
+            evaluating_config(curriculum, **evaluation).build_algo()
+        # The env runners have returned their episodes.
+        assert not active_leases(curriculum)
+
+
+def test_evaluation_on_environments_of_the_training_is_rejected(cluster):  # noqa: F811
+    with local_curriculum(["kessler/survival"]) as curriculum:
+        algorithm = evaluating_config(curriculum).build_algo()
+        try:
+            with pytest.raises(ValueError, match="`evaluation_config` must"):
+                algorithm.evaluate()
+        finally:
+            algorithm.stop()
+        assert not replayed_scores(curriculum)
+
+
+def test_evaluation_without_the_curriculum_does_not_count(cluster):  # noqa: F811
+    with local_curriculum(["kessler/survival"]) as curriculum:
+        other = {"env_config": {"curriculum": None, "level": 9}}
+        config = evaluating_config(curriculum, evaluation_interval=1, evaluation_config=other)
+        algorithm = config.build_algo()
+        try:
+            result = algorithm.train()
+        finally:
+            algorithm.stop()
+        scores = replayed_scores(curriculum)
+    assert result["evaluation"]["env_runners"]["num_episodes"] == 4
+    assert result["env_runners"]["num_episodes"] == len(scores) > 0
