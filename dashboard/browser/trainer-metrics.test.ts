@@ -13,12 +13,26 @@ const REPORTS = 10;
 const SPREAD_REPORTS = `
 import sqlite3, sys
 db = sqlite3.connect(sys.argv[1])
-db.execute("UPDATE trainer_metrics SET at = at - 3600000 * (9 - step / 1000)")
+db.execute("UPDATE trainer_metrics SET at = at - 3600000 * (9 - step / 1000) WHERE step < 1000000")
 db.execute("UPDATE runs SET created_at = created_at - 36000000")
 db.commit()
 `;
 /** Names that take much space; the server accepts letters, digits and _.:/- only. */
 const LONG_NAME = `long/${"x".repeat(123)}`;
+
+/** Values that need a range of their own on the axis: constants beyond the precision of doubles, and the ends of their range. */
+const EXTREMES: Record<string, [number | null, number | null]> = {
+  large: [1e16, 1e16],
+  nanoseconds: [1.2e18, 1.2e18],
+  last_bit: [1.2e18, 1.2e18 + 256],
+  largest: [null, 1e308],
+  both_ends: [-1.7e308, 1.7e308],
+  drawn_ends: [-1e300, 1e300],
+  zero: [0, 0],
+  negative: [-1e16, -1e16],
+  tiny: [1e-300, 1e-300],
+  smallest: [5e-324, 5e-324],
+};
 
 const fixture = useFixture(async (server) => {
   await createHeldRun(server, "logged", 16);
@@ -34,6 +48,11 @@ const fixture = useFixture(async (server) => {
   }
   const names = Array.from({ length: 20 }, (_, i) => `group${String(i % 4)}/metric_${String(i)}`);
   await log(server, "many", 1, Object.fromEntries([...names, LONG_NAME].map((name, i) => [name, i])));
+  await createHeldRun(server, "extreme", 2);
+  for (const i of [0, 1]) {
+    const values = Object.entries(EXTREMES).map(([name, values]) => [name, values[i]]);
+    await log(server, "extreme", Number.MAX_SAFE_INTEGER - 1 + i, Object.fromEntries(values));
+  }
   await server.kill();
   execFileSync("python3", ["-c", SPREAD_REPORTS, server.databasePath]);
   await server.restart();
@@ -155,6 +174,20 @@ test("many metrics are filtered by parts of their names", async () => {
   expect(await titles()).toEqual(["metric_1: 1", "metric_13: 13", "metric_17: 17"]);
   await page.getByRole("searchbox", { name: "Filter" }).fill("absent");
   await page.getByText("No metric has this name.").waitFor();
+  expect(problems).toEqual([]);
+  await page.context().close();
+});
+
+test("constant and extreme values and steps are drawn", async () => {
+  const observed = await openRun("extreme");
+  const { page, problems } = observed;
+  for (const axis of ["time", "step"]) {
+    await page.getByLabel("x axis").selectOption(axis);
+    await waitUntilIdle(observed);
+    expect(await section(page).locator("canvas").count()).toBe(Object.keys(EXTREMES).length);
+  }
+  const title = section(page).getByRole("heading", { name: "largest: 1e308", exact: true });
+  expect(await title.count()).toBe(1);
   expect(problems).toEqual([]);
   await page.context().close();
 });

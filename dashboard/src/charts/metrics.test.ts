@@ -47,6 +47,8 @@ test("the step axis has the steps of all metrics", () => {
   expect(stepInterval([metric("a", [5, 9], [1, 1]), metric("b", [2], [1])])).toEqual({ from: 2, to: 9 });
   expect(stepInterval([metric("a", [5])])).toEqual({ from: 5, to: 6 });
   expect(stepInterval([])).toEqual({ from: 0, to: 1 });
+  const { from, to } = stepInterval([metric("a", [Number.MAX_SAFE_INTEGER])]);
+  expect(from + (to - from) / 1000).toBeGreaterThan(from); // the axis can be divided
 });
 
 test("selected steps are the times at which they were reported", () => {

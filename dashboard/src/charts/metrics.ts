@@ -1,5 +1,6 @@
 /** Metrics that a trainer logged, as curves of charts. */
 import type { TrainerMetric } from "../lib/api-types";
+import { MIN_RELATIVE_WIDTH } from "./scale";
 import type { Interval } from "./time-range.svelte";
 
 /** Axis of the charts: time of the report, or step of the trainer. */
@@ -48,11 +49,12 @@ export function lastValue(metric: TrainerMetric): number | null | undefined {
   return metricCurve(metric, "time").values.at(-1);
 }
 
-/** Returns the first and the last step of all metrics; at least one step apart. */
+/** Returns the first and the last step of all metrics; at least one step apart, and far enough for numbers on the axis. */
 export function stepInterval(metrics: TrainerMetric[]): Interval {
   const first = Math.min(...metrics.map((metric) => metric.step[0] ?? Infinity));
   const last = Math.max(...metrics.map((metric) => metric.step.at(-1) ?? -Infinity));
-  return first <= last ? { from: first, to: Math.max(last, first + 1) } : { from: 0, to: 1 };
+  if (first > last) return { from: 0, to: 1 };
+  return { from: first, to: Math.max(last, first + Math.max(1, MIN_RELATIVE_WIDTH * first)) };
 }
 
 /** Returns the times of the points with steps in an interval; undefined if there are none. */
