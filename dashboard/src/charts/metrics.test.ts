@@ -22,6 +22,14 @@ test("metrics are grouped by the prefix before the last slash", () => {
 });
 
 test("a filter keeps names with all of its words", () => {
+test("numbers within names are ordered by their value", () => {
+  const names = ["layer10/kl", "layer2/loss10", "layer2/loss9", "Layer3/kl", "kl"].map((name) =>
+    metric(name),
+  );
+  const ordered = groupMetrics(names).flatMap(({ metrics }) => metrics.map(({ name }) => name));
+  expect(ordered).toEqual(["kl", "layer2/loss9", "layer2/loss10", "Layer3/kl", "layer10/kl"]);
+});
+
   const names = ["eval/loss", "train/KL", "train/loss"].map((name) => metric(name));
   const kept = (filter: string) =>
     groupMetrics(names, filter).flatMap(({ metrics }) => metrics.map(({ name }) => name));

@@ -17,7 +17,10 @@ export function shortName(name: string): string {
   return name.slice(name.lastIndexOf("/") + 1);
 }
 
-/** Groups the metrics whose names contain all words of `filter`, in whatever case. */
+/** Orders the numbers within names by their value: layer2 before layer10. */
+const byName = new Intl.Collator("en", { numeric: true });
+
+/** Groups the metrics whose names contain all words of `filter`, in whatever case; groups and metrics are ordered by name. */
 export function groupMetrics(metrics: TrainerMetric[], filter = ""): MetricGroup[] {
   const words = filter.toLowerCase().split(/\s+/);
   const groups = new Map<string, TrainerMetric[]>();
@@ -28,8 +31,11 @@ export function groupMetrics(metrics: TrainerMetric[], filter = ""): MetricGroup
     groups.set(prefix, [...(groups.get(prefix) ?? []), metric]);
   }
   return [...groups]
-    .map(([prefix, metrics]) => ({ prefix, metrics }))
-    .sort((a, b) => (a.prefix < b.prefix ? -1 : 1));
+    .map(([prefix, metrics]) => ({
+      prefix,
+      metrics: metrics.sort((a, b) => byName.compare(a.name, b.name)),
+    }))
+    .sort((a, b) => byName.compare(a.prefix, b.prefix));
 }
 
 /** Curve of a metric: positions on the axis in ascending order, and their values; null where no value was finite. */
