@@ -1,11 +1,12 @@
 import { expect, test } from "vitest";
-import { groupMetrics, lastValue, metricCurve, shortName, stepInterval, timesOfSteps } from "./metrics";
+import { groupMetrics, metricCurve, shortName, stepInterval, timesOfSteps } from "./metrics";
 
 const metric = (name: string, step: number[] = [1], value: (number | null)[] = [0.5], at = step) => ({
   name,
   step,
   at,
   value,
+  last_value: value.at(-1) ?? null,
 });
 
 test("metrics are grouped by the prefix before the last slash", () => {
@@ -21,7 +22,6 @@ test("metrics are grouped by the prefix before the last slash", () => {
   ]);
 });
 
-test("a filter keeps names with all of its words", () => {
 test("numbers within names are ordered by their value", () => {
   const names = ["layer10/kl", "layer2/loss10", "layer2/loss9", "Layer3/kl", "kl"].map((name) =>
     metric(name),
@@ -30,6 +30,7 @@ test("numbers within names are ordered by their value", () => {
   expect(ordered).toEqual(["kl", "layer2/loss9", "layer2/loss10", "Layer3/kl", "layer10/kl"]);
 });
 
+test("a filter keeps names with all of its words", () => {
   const names = ["eval/loss", "train/KL", "train/loss"].map((name) => metric(name));
   const kept = (filter: string) =>
     groupMetrics(names, filter).flatMap(({ metrics }) => metrics.map(({ name }) => name));
@@ -43,12 +44,6 @@ test("a curve over time is ordered by time when a training resumed from an earli
   const resumed = metric("loss", [10, 20, 30], [3, null, 1], [100, 400, 300]);
   expect(metricCurve(resumed, "step")).toEqual({ x: [10, 20, 30], values: [3, null, 1] });
   expect(metricCurve(resumed, "time")).toEqual({ x: [100, 300, 400], values: [3, 1, null] });
-});
-
-test("the last value is the newest one, null if it is not finite", () => {
-  expect(lastValue(metric("loss", [1, 2], [3, 4]))).toBe(4);
-  expect(lastValue(metric("loss", [1, 2], [3, null]))).toBeNull();
-  expect(lastValue(metric("loss", [], []))).toBeUndefined();
 });
 
 test("the step axis has the steps of all metrics", () => {

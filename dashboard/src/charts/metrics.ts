@@ -50,11 +50,6 @@ export function metricCurve(
   return { x: order.map((i) => x[i] ?? 0), values: order.map(value) };
 }
 
-/** Returns the newest value of a metric: null if it is not finite, undefined if there is none. */
-export function lastValue(metric: TrainerMetric): number | null | undefined {
-  return metricCurve(metric, "time").values.at(-1);
-}
-
 /** Returns the first and the last step of all metrics; at least one step apart, and far enough for numbers on the axis. */
 export function stepInterval(metrics: TrainerMetric[]): Interval {
   const first = Math.min(...metrics.map((metric) => metric.step[0] ?? Infinity));
