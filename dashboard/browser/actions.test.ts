@@ -1,7 +1,8 @@
 /** Checks the actions of the pages by their effect on the server. */
+import { fileURLToPath } from "node:url";
 import type { Page } from "playwright-core";
 import { expect, test } from "vitest";
-import { openPage, visit } from "./browser";
+import { openPage, SCREENSHOT_FOLDER, visit } from "./browser";
 import { createHeldRun, useFixture } from "./fixture";
 import { waitFor } from "./poll";
 import { reportHeldEpisodes, SparringServer } from "./server";
@@ -22,6 +23,8 @@ interface Designs {
   designs: { id: string }[];
 }
 
+/** Folder of policy files whose rollouts fail. */
+const FAULTY_POLICIES = fileURLToPath(new URL("../../tests/fixtures/onnx/faulty", import.meta.url));
 /** Time that two evaluations at once may take on a busy machine. */
 const EVALUATION_TIMEOUT_MS = 300_000;
 
@@ -188,4 +191,27 @@ test("the keyboard reaches every control of the runs page", async () => {
   }
   for (const name of ["Runs", "Evaluations", "Play", "New run", "Pause keyboard", "Archive keyboard"])
     expect(reached).toContain(name);
+});
+
+test("a policy file is evaluated, and its long error stays in its column", async () => {
+  const server = await SparringServer.start(["--policy-folder", FAULTY_POLICIES]);
+  const { page, problems } = await openPage(fixture.browser, server.url);
+  await visit(page, server.url, "/evaluations");
+  await page.getByRole("combobox", { name: /^Policy/ }).selectOption("policy file");
+  await page.getByRole("textbox", { name: "File" }).fill("onnx:not_finite.onnx");
+  await press(page, "Evaluate");
+  const row = page.getByRole("row").filter({ hasText: "onnx:not_finite.onnx@" });
+  const state = row.getByRole("cell", { name: /^failed:.*[0-9a-f]{64}/ });
+  await state.waitFor({ timeout: EVALUATION_TIMEOUT_MS });
+  expect(await row.getByRole("cell", { name: "server", exact: true }).count()).toBe(1);
+  const [text, cell] = await state.evaluate((cell) => [
+    cell.querySelector(".badge")?.getBoundingClientRect().right ?? Infinity,
+    cell.getBoundingClientRect().right,
+  ]);
+  expect(text).toBeLessThanOrEqual(cell ?? 0);
+  expect(await state.evaluate((cell) => cell.scrollWidth - cell.clientWidth)).toBeLessThanOrEqual(0);
+  await page.screenshot({ path: `${SCREENSHOT_FOLDER}/evaluation-failed.png`, fullPage: true });
+  expect(problems).toEqual([]);
+  await page.context().close();
+  await server.dispose();
 });
