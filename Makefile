@@ -48,7 +48,7 @@ test: check-cargo check-clippy check-python check-node ## Run all checks that a 
 	@# Two tests per core: many of them wait, for timeouts and for processes that they start.
 	SQLX_OFFLINE=true SPARRING_BINARY="$(CURDIR)/target/debug/sparring" \
 		RUST_TEST_THREADS=$${RUST_TEST_THREADS:-$$((2 * $$(getconf _NPROCESSORS_ONLN)))} cargo test --workspace --locked
-	@# Each of the two uses about one core.
+	@# Both wait for servers and pages, so that they share two cores well.
 	@$(MAKE) --no-print-directory -j2 test-clients test-browser
 
 # The tests of the Python package, then those of training with torch, which is a download of hundreds of megabytes.
@@ -74,7 +74,8 @@ test-python: check-cargo check-clippy check-python ## Test the Python package, w
 	scripts/python-client --check
 	$(BUILD_TESTS)
 	cd python && ../target/python-venv/bin/ruff check . && ../target/python-venv/bin/ruff format --check . \
-		&& ../target/python-venv/bin/mypy && SPARRING_BINARY="$(CURDIR)/target/debug/sparring" ../target/python-venv/bin/pytest
+		&& ../target/python-venv/bin/mypy \
+		&& SPARRING_BINARY="$(CURDIR)/target/debug/sparring" ../target/python-venv/bin/pytest --numprocesses 2 --dist loadfile
 
 test-trainers: check-cargo check-clippy check-python ## Test training with Stable-Baselines3 and the built-in PPO (downloads torch)
 	scripts/python-venv

@@ -1,9 +1,7 @@
 //! Policies from files: their references, reflexes, and ONNX models.
 
-use std::sync::LazyLock;
-
+use env_core::TaskSpec;
 use env_core::policy_factory::PolicyFactory;
-use env_core::{Recipe, Scenario, Seed, TaskSpec};
 use policy_files::{OnnxPolicy, PolicyReference, ReflexPolicy};
 use serde_json::json;
 
@@ -14,13 +12,6 @@ pub(super) const TARGETS: &[Target] = &[
     Target::new("reflex_file", reflex, reflex_seeds),
     Target::new("onnx_file", onnx, onnx_seeds),
 ];
-
-/// Scenario on which a policy acts once it is accepted.
-static SCENARIO: LazyLock<Scenario> = LazyLock::new(|| {
-    let task = env_core::default_tasks()[0];
-    let recipe = Recipe::new(task).expect("the defaults are valid");
-    Scenario::new(recipe, Seed::user(1).expect("the seed is small"))
-});
 
 /// A reference is written as it was read.
 fn reference(bytes: &[u8]) -> bool {
@@ -47,10 +38,10 @@ fn reflex_seeds() -> Vec<Vec<u8>> {
     json_seeds(env_core::tasks().map(file))
 }
 
-/// A damaged model is refused, or its policy is created, but it never ends the process.
+/// A damaged model is refused or read, but it never ends the process. Tests of `policy-files` also prepare damaged models, which is too
+/// slow for this many.
 fn onnx(bytes: &[u8]) -> bool {
-    let Ok(policy) = OnnxPolicy::parse("onnx:f".to_owned(), bytes) else { return false };
-    policy.create(&SCENARIO, 0).is_ok()
+    OnnxPolicy::parse("onnx:f".to_owned(), bytes).is_ok()
 }
 
 fn onnx_seeds() -> Vec<Vec<u8>> {
