@@ -146,28 +146,18 @@ impl<'a> ExportedGroup<'a> {
         let count = |wanted: fn(&CompactedEpisode) -> bool| {
             group.episodes.iter().filter(|episode| wanted(episode)).count() as i64
         };
-        Self {
-            run,
-            lease: lease.name(),
-            group_number: group.number,
-            purpose: lease.purpose,
-            task: group.task.clone(),
+        let row = GroupRow {
+            layout: group.layout,
             level: group.level,
-            role: group.role,
-            layout: group.layout.map(|id| LayoutId(id).to_string()),
-            contested: group.contested,
-            slot: None,
-            state: None,
-            episodes: lease.group_size,
+            is_contested: group.contested,
             finished: count(|episode| episode.state == EpisodeState::Finished),
             failed: count(|episode| episode.state == EpisodeState::Failed),
             successes: count(|episode| {
                 episode.state == EpisodeState::Finished && episode.success == Some(true)
             }),
-            policy_version: lease.policy_version,
-            leased_at: rfc3339(lease.created_at),
-            replay: "expired",
-        }
+            ..GroupRow::open(group.number, group.role, group.task.clone(), Vec::new())
+        };
+        Self { slot: None, state: None, replay: "expired", ..Self::new(run, lease, &row) }
     }
 }
 

@@ -9,8 +9,8 @@ const PAGE: &str = include_str!("../../../../docs/reference/data.md");
 /// Rows of the first table below a heading, cell by cell.
 fn documented(heading: &str) -> Vec<Vec<&'static str>> {
     let section = PAGE.split(&format!("\n{heading}\n")).nth(1).unwrap_or_default();
-    let rows = section.lines().skip_while(|line| !line.starts_with("| --")).skip(1);
-    let rows = rows.take_while(|line| line.starts_with('|'));
+    let rows = section.lines().skip_while(|line| !line.starts_with("| --"));
+    let rows = rows.take_while(|line| line.starts_with('|')).filter(|line| !line.starts_with("| --"));
     rows.map(|line| line.trim_matches('|').split('|').map(str::trim).collect()).collect()
 }
 
