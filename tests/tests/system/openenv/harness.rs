@@ -1,5 +1,6 @@
 //! `/harness`: the language model of the server acts for the client, turn by turn.
 
+use orchestrator::service::Config;
 use serde_json::{Value, json};
 use system_tests::mock_llm::{chat_response, received_bodies, start_endpoint};
 use system_tests::{ApiClient, Received, Server, TestSocket};
@@ -133,4 +134,13 @@ async fn invalid_messages_leave_the_session_and_failures_end_it() {
     let error = receive(&mut socket).await;
     assert_eq!(error["data"]["code"], "FACTORY_ERROR");
     assert!(error["data"]["message"].as_str().unwrap().contains("--policy-url"), "{error}");
+}
+
+/// A turn costs calls of the operator's model, so that the route is not public with the others.
+#[tokio::test]
+async fn public_server_requires_a_token_for_a_harness() {
+    let server = Server::with_config(|config| Config { openenv_public: true, ..config }).await;
+    let api = server.api();
+    let _ = api.get("/harness").await.expect(401);
+    let _ = api.get("/ws").await.expect(404); // public, and only for WebSockets
 }
