@@ -141,10 +141,12 @@ EPISODES = (
     ),
     Episode(
         name="high_orbit",
-        seed=2,
+        seed=1,
         cls="SatelliteTasking",
         satellites=(
-            scanner(args={"oe": lambda: random_orbit(a=6371 + 800)}, observations=(resources_observed(), stations_observed())),
+            scanner(
+                args={"oe": lambda: random_orbit(a=6371 + 800, i=60.0)}, observations=(resources_observed(), stations_observed())
+            ),
         ),
         scenario=NADIR,
         rewarders=SCANNING_TIME,

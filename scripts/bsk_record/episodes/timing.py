@@ -40,7 +40,7 @@ def rate_scan(name: str) -> Episode:
         scenario=NADIR,
         rewarders=SCANNING_TIME,
         policy=SCANNING,
-        max_steps=40,
+        max_steps=60,
         env={"time_limit": ORBIT_S - 1.0, "sim_rate": rate},
     )
 
