@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import gzip
 import sys
 import warnings
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 
 from Basilisk.architecture import bskLogging
 
+from bsk_record.compare import compare_with_file
 from bsk_record.encode import file_bytes, write_recording
 from bsk_record.episodes import EPISODES
 from bsk_record.recorder import record
@@ -19,7 +19,7 @@ FOLDER = Path("env-core/fixtures/tasking/recorded")
 
 
 def main() -> int:
-    """Records, checks or lists episodes; returns 1 if a file differs from its episode."""
+    """Records, checks or lists episodes; returns 1 if a file differs by more than rounding."""
     parser = argparse.ArgumentParser(prog="scripts/bsk-record", description="Record episodes of BSK-RL.")
     parser.add_argument("names", nargs="*", metavar="NAME", help="episodes to record (default: all)")
     parser.add_argument("--check", action="store_true", help="record again and compare with the files")
@@ -39,9 +39,9 @@ def main() -> int:
         recording = record(EPISODES[name])
         path = FOLDER / f"{name}.json.gz"
         if args.check:
-            same = path.is_file() and gzip.decompress(path.read_bytes()) == gzip.decompress(file_bytes(recording))
+            same, sentence = compare_with_file(path, file_bytes(recording))
             different += not same
-            print(f"{name}: {'same' if same else 'DIFFERENT'}")
+            print(f"{name}: {sentence}")
         else:
             print(summary(name, recording, write_recording(path, recording)))
     return 1 if different else 0
