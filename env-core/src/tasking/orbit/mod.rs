@@ -1,0 +1,10 @@
+//! Orbits: forces, propagation and elements. Start reading at [`propagator`].
+
+pub mod dop853;
+pub mod elements;
+pub mod gravity;
+pub mod propagator;
+
+pub use self::elements::OrbitalElements;
+pub use self::gravity::GravityModel;
+pub use self::propagator::{HermiteArc, Orbit, OrbitNode, Sky};
