@@ -1,0 +1,98 @@
+//! The error of the trajectory that BSK-RL searches for windows, which Basilisk integrates with steps of 30 s: 60 m in an orbit
+//! (see [`stretch_acceleration`]).
+//!
+//! The ends of windows end steps, so that their error decides whether a step is a second longer. The error hardly depends on other
+//! perturbations: it is the difference of two orbits about a point mass with the same start, one with the error of 30 s and one
+//! with that of a tick, turned into the Hill frame of the true orbit.
+
+use crate::tasking::constants::EARTH_MU;
+use crate::tasking::earth::EARTH_RATE_RAD_S;
+use crate::tasking::orbit::OrbitNode;
+use crate::tasking::orbit::dop853::{OrbitState, dop853_step};
+use crate::tasking::orbit::gravity::stretch_acceleration;
+use crate::tasking::orbit::propagator::STEP_S;
+use crate::tasking::vector3::{Matrix3, Vector3, add, cross, dot, norm, rotate, rotate_back, scale, sub};
+
+/// Steps of BSK-RL's trajectory between two nodes.
+const STEPS_PER_NODE: usize = 2;
+
+/// Two orbits about a point mass from the same start: as the trajectory is integrated, and as the satellite moves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SearchError {
+    integrated: OrbitState,
+    exact: OrbitState,
+    equator: Matrix3<f64>,
+    basilisk_step_s: f64,
+}
+
+impl SearchError {
+    /// Creates the pair of orbits from the state of the first node. `equator` are the axes of the Earth's equator, and
+    /// `basilisk_step_s` is the step with which Basilisk integrates the satellite, s.
+    #[must_use]
+    pub const fn new(start: &OrbitNode, equator: Matrix3<f64>, basilisk_step_s: f64) -> Self {
+        let (r, v) = (start.position, start.velocity);
+        let state = [r[0], r[1], r[2], v[0], v[1], v[2]];
+        Self { integrated: state, exact: state, equator, basilisk_step_s }
+    }
+
+    /// Advances both orbits to the next node.
+    pub fn advance(&mut self) {
+        let step = STEP_S / STEPS_PER_NODE as f64;
+        let stretch = |time: f64| EARTH_RATE_RAD_S * time * (EARTH_RATE_RAD_S * time);
+        for _ in 0..STEPS_PER_NODE {
+            let rate = |time: f64, state: &OrbitState| derivative(state, &self.equator, stretch(time));
+            self.integrated = rk4_step(&self.integrated, step, rate);
+        }
+        let mean = stretch(self.basilisk_step_s) / 3.0;
+        self.exact = dop853_step(&self.exact, STEP_S, |_, state| derivative(state, &self.equator, mean));
+    }
+
+    /// The node of the searched trajectory that belongs to a node of the true orbit.
+    #[must_use]
+    pub fn apply(&self, node: &OrbitNode) -> OrbitNode {
+        let part = |state: &OrbitState, first: usize| [state[first], state[first + 1], state[first + 2]];
+        let difference = |first: usize| sub(&part(&self.integrated, first), &part(&self.exact, first));
+        let from = hill_frame(&part(&self.exact, 0), &part(&self.exact, 3));
+        let to = hill_frame(&node.position, &node.velocity);
+        let turn = |vector: &Vector3<f64>| rotate_back(&to, &rotate(&from, vector));
+        let (position, velocity) = (turn(&difference(0)), turn(&difference(3)));
+        // The gradient of gravity at the difference of position.
+        let radius = norm(&node.position);
+        let radial = scale(&node.position, 1.0 / radius);
+        let rate_2 = EARTH_MU / (radius * radius * radius);
+        let tidal = sub(&scale(&radial, 3.0 * dot(&radial, &position)), &position);
+        OrbitNode {
+            position: add(&node.position, &position),
+            velocity: add(&node.velocity, &velocity),
+            acceleration: add(&node.acceleration, &scale(&tidal, rate_2)),
+        }
+    }
+}
+
+/// Axes of the Hill frame: radial, along track, orbit normal.
+fn hill_frame(position: &Vector3<f64>, velocity: &Vector3<f64>) -> Matrix3<f64> {
+    let radial = scale(position, 1.0 / norm(position));
+    let momentum = cross(position, velocity);
+    let normal = scale(&momentum, 1.0 / norm(&momentum));
+    [radial, cross(&normal, &radial), normal]
+}
+
+/// Motion about a point mass whose attraction is computed at a stretched position.
+fn derivative(state: &OrbitState, equator: &Matrix3<f64>, stretch: f64) -> OrbitState {
+    let [x, y, z, vx, vy, vz] = *state;
+    let square = x * x + y * y + z * z;
+    let factor = -EARTH_MU / (square * square.sqrt());
+    let [ax, ay, az] = stretch_acceleration(&[x, y, z], equator, stretch);
+    [vx, vy, vz, factor * x + ax, factor * y + ay, factor * z + az]
+}
+
+/// One step of the classical Runge–Kutta method. The derivative takes the time since the start of the step, s.
+fn rk4_step(state: &OrbitState, step: f64, rate: impl Fn(f64, &OrbitState) -> OrbitState) -> OrbitState {
+    let at =
+        |rate: &OrbitState, time: f64| -> OrbitState { std::array::from_fn(|i| state[i] + time * rate[i]) };
+    let k1 = rate(0.0, state);
+    let k2 = rate(0.5 * step, &at(&k1, 0.5 * step));
+    let k3 = rate(0.5 * step, &at(&k2, 0.5 * step));
+    let k4 = rate(step, &at(&k3, step));
+    std::array::from_fn(|i| state[i] + step / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]))
+}
