@@ -1,0 +1,76 @@
+//! The next eclipse, as BSK-RL's `TrajectorySimulator` finds it: sampled every 30 s, one sample late. Transitions on the seam of two
+//! searches are lost.
+
+use crate::tasking::orbit::{Orbit, Sky};
+use crate::tasking::satellite::eclipse::illumination;
+
+/// Time between two samples, s.
+const SAMPLE_S: f64 = 30.0;
+/// Time by which each further search extends, s.
+const SEARCH_S: f64 = 6000.0;
+/// Largest number of searches.
+const SEARCHES: usize = 3;
+/// Result if there is no eclipse.
+const NO_ECLIPSE: [f64; 2] = [1.0, 1.0];
+
+/// Transitions into and out of the Earth's shadow that were found so far.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct EclipseForecast {
+    /// Illuminated or not, for each sample.
+    samples: Vec<bool>,
+    /// Times of the last sample in light, s.
+    starts: Vec<f64>,
+    /// Times of the last sample in shadow, s.
+    ends: Vec<f64>,
+    /// Samples up to this time are not searched again, s.
+    searched_s: f64,
+}
+
+impl EclipseForecast {
+    /// Samples the trajectory up to a time, s, as computing opportunities does.
+    pub fn extend_to(&mut self, seconds: f64, orbit: &mut Orbit, sky: &mut Sky) {
+        let needed = (seconds / SAMPLE_S + 1e-9).floor() as usize + 1;
+        if self.samples.len() >= needed {
+            return;
+        }
+        orbit.extend_to(seconds, sky);
+        while self.samples.len() < needed {
+            // The eclipse model runs before the states are updated: its first sample has no state, later ones are late.
+            let is_lit = match self.samples.len() {
+                0 => true,
+                sample => {
+                    let time = (sample - 1) as f64 * SAMPLE_S;
+                    illumination(&orbit.arc(time).position(time), &sky.sun(time)) > 0.0
+                }
+            };
+            self.samples.push(is_lit);
+        }
+    }
+
+    /// Start and end of the next eclipse after a time, s; not necessarily of the same one.
+    pub fn next(&mut self, now_s: f64, orbit: &mut Orbit, sky: &mut Sky) -> [f64; 2] {
+        for search in 0..SEARCHES {
+            let next = |times: &[f64]| times.iter().copied().find(|time| *time > now_s);
+            if let (Some(start), Some(end)) = (next(&self.starts), next(&self.ends)) {
+                return [start, end];
+            }
+            self.search(now_s + search as f64 * SEARCH_S, orbit, sky);
+        }
+        NO_ECLIPSE
+    }
+
+    /// Searches the samples after the last search up to all that exist, at least to one sample after a time, s.
+    fn search(&mut self, until_s: f64, orbit: &mut Orbit, sky: &mut Sky) {
+        self.extend_to(until_s + SAMPLE_S, orbit, sky);
+        let first = (self.searched_s / SAMPLE_S).floor() as usize + 1;
+        for sample in first..self.samples.len().saturating_sub(1) {
+            let time = sample as f64 * SAMPLE_S;
+            match (self.samples[sample], self.samples[sample + 1]) {
+                (true, false) => self.starts.push(time),
+                (false, true) => self.ends.push(time),
+                _ => {}
+            }
+        }
+        self.searched_s = until_s;
+    }
+}

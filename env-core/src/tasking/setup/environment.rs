@@ -1,0 +1,292 @@
+//! Set-up of an episode: everything that determines the simulation.
+
+use super::actions::ActionSpec;
+use crate::tasking::clock::TickLength;
+use crate::tasking::error::TaskingError;
+use crate::tasking::observation::spec::ObservationSpec;
+use crate::tasking::orbit::GravityModel;
+use crate::tasking::satellite::SatelliteSpec;
+use crate::tasking::time::Epoch;
+use crate::tasking::vector3::Vector3;
+
+/// A satellite with its tasking: an agent.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AgentSetup {
+    /// Name, models and arguments.
+    pub satellite: SatelliteSpec,
+    /// Class of the satellite.
+    pub class: SatelliteClass,
+    /// True if events of this satellite end the step.
+    pub variable_interval: bool,
+    /// Actions in the order of their indices.
+    pub actions: Vec<ActionSpec>,
+    /// Observation, item by item.
+    pub observation: ObservationSpec,
+}
+
+/// Class of a satellite in BSK-RL.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SatelliteClass {
+    /// `Satellite`: knows no opportunities.
+    Plain,
+    /// `AccessSatellite`: knows opportunities of access.
+    Access(GenerationTimes),
+    /// `ImagingSatellite`: images targets as well.
+    Imaging(GenerationTimes),
+}
+
+impl SatelliteClass {
+    /// Times for which opportunities are computed.
+    #[must_use]
+    pub const fn generation(&self) -> Option<GenerationTimes> {
+        match self {
+            Self::Plain => None,
+            Self::Access(times) | Self::Imaging(times) => Some(*times),
+        }
+    }
+}
+
+/// Times for which opportunities are computed, s.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GenerationTimes {
+    /// Length of a block (`generation_duration`).
+    pub block_s: f64,
+    /// Time at the start; `None` is the time limit, or nothing if that is infinite.
+    pub initial_s: Option<f64>,
+    /// Largest time beyond the initial one.
+    pub max_beyond_s: f64,
+}
+
+impl Default for GenerationTimes {
+    fn default() -> Self {
+        Self { block_s: 600.0, initial_s: None, max_beyond_s: f64::INFINITY }
+    }
+}
+
+/// A target on the ground.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Target {
+    /// Name of the target.
+    pub name: String,
+    /// Position in the planet-fixed frame, m.
+    pub position: Vector3<f64>,
+    /// Value of an image.
+    pub priority: f64,
+}
+
+/// A ground station that receives data.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GroundStation {
+    /// Name of the station.
+    pub name: String,
+    /// Position in the planet-fixed frame, m.
+    pub position: Vector3<f64>,
+    /// Minimum elevation of access, rad.
+    pub min_elevation_rad: f64,
+    /// Largest range, m; negative for no limit.
+    pub max_range_m: f64,
+}
+
+impl GroundStation {
+    /// Creates a station at a latitude and longitude, degrees, and a height, m, above a spherical planet.
+    #[must_use]
+    pub fn at(name: &str, degrees: [f64; 2], height_m: f64, planet_radius_m: f64) -> Self {
+        let (sin_latitude, cos_latitude) = libm::sincos(degrees[0].to_radians());
+        let (sin_longitude, cos_longitude) = libm::sincos(degrees[1].to_radians());
+        let radius = planet_radius_m + height_m;
+        Self {
+            name: name.to_owned(),
+            position: [
+                radius * (cos_latitude * cos_longitude),
+                radius * (cos_latitude * sin_longitude),
+                radius * sin_latitude,
+            ],
+            min_elevation_rad: 10.0_f64.to_radians(),
+            max_range_m: -1.0,
+        }
+    }
+
+    /// The seven stations of BSK-RL.
+    #[must_use]
+    pub fn defaults() -> Vec<Self> {
+        let radius = crate::tasking::constants::EARTH_RADIUS_M;
+        [
+            ("Boulder", [40.009_971, -105.243_895], 1624.0),
+            ("Merritt", [28.3181, -80.6660], 0.9144),
+            ("Singapore", [1.3521, 103.8198], 15.0),
+            ("Weilheim", [47.8407, 11.1421], 563.0),
+            ("Santiago", [-33.4489, -70.6693], 570.0),
+            ("Dongara", [-29.2452, 114.9326], 34.0),
+            ("Hawaii", [19.8968, -155.5828], 9.0),
+        ]
+        .map(|(name, degrees, height)| Self::at(name, degrees, height, radius))
+        .to_vec()
+    }
+}
+
+/// A rule that pays rewards.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Rewarder {
+    /// Pays nothing at all (`NoReward`).
+    None,
+    /// Pays a value for each second of scanned data (`ScanningTimeReward` with `UniformNadirScanning`).
+    ScanningTime {
+        /// Value of a second.
+        value_per_second: f64,
+    },
+    /// Pays the priority of each target for its first image (`UniqueImageReward`).
+    UniqueImages,
+    /// Pays the change of a property of the satellite (`ResourceReward`).
+    Resource {
+        /// Property of the satellite.
+        property: crate::tasking::observation::property::Property,
+        /// Reward for a unit of change.
+        weight: f64,
+    },
+}
+
+/// Which satellites share data at the end of a step.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Communicator {
+    /// Links along which satellites share data.
+    pub links: Links,
+    /// True if data travel along paths of links within a step (`MultiDegreeCommunication`).
+    pub multi_degree: bool,
+    /// True if only satellites send that broadcast in this step (`BroadcastCommunication`).
+    pub broadcast: bool,
+    /// Least time between two communications, s.
+    pub min_period_s: f64,
+}
+
+/// Links along which satellites share data.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Links {
+    /// No satellite is linked (`NoCommunication`).
+    #[default]
+    None,
+    /// All satellites are linked (`FreeCommunication`).
+    Free,
+    /// Satellites are linked that saw each other in the step (`LOSCommunication`).
+    LineOfSight,
+}
+
+/// Set-up of an episode.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Setup {
+    /// Satellites in the order of their indices.
+    pub agents: Vec<AgentSetup>,
+    /// Start of the episode.
+    pub epoch: Epoch,
+    /// GravityModel model of the orbits.
+    pub gravity: GravityModel,
+    /// True if thrusters deliver their whole impulse, false for Basilisk's rule.
+    pub full_thrust: bool,
+    /// Ground stations of the world.
+    pub stations: Vec<GroundStation>,
+    /// Targets of the scene.
+    pub targets: Vec<Target>,
+    /// Rules that pay rewards.
+    pub rewarders: Vec<Rewarder>,
+    /// Communication of the satellites.
+    pub communicator: Communicator,
+    /// Times of the simulation.
+    pub clock: ClockSetup,
+    /// Reward of a satellite's death.
+    pub failure_penalty: f64,
+    /// Behaviour with more than one satellite.
+    pub mode: EnvironmentMode,
+}
+
+/// Times of the simulation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ClockSetup {
+    /// Length of a tick (`sim_rate`).
+    pub tick: TickLength,
+    /// Longest duration of a step, s.
+    pub max_step_s: f64,
+    /// Time limit of the episode, s; may be infinite.
+    pub time_limit_s: f64,
+    /// True if the time limit terminates the episode as well as truncating it.
+    pub terminate_on_time_limit: bool,
+}
+
+/// Behaviour of an environment class of BSK-RL.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum EnvironmentMode {
+    /// `GeneralSatelliteTasking`: the episode ends with the first death, and each step with a dead satellite pays the penalty.
+    #[default]
+    General,
+    /// `ConstellationTasking`: a dead satellite leaves, pays the penalty once, and ends no step any more.
+    Constellation,
+}
+
+impl Setup {
+    /// Checks that the parts fit together.
+    ///
+    /// # Errors
+    /// Returns [`TaskingError::Composition`] if they do not.
+    pub fn check(&self) -> Result<(), TaskingError> {
+        let fail = |reason: String| Err(TaskingError::Composition(reason));
+        if self.agents.is_empty() {
+            return fail("an episode needs at least one satellite".to_owned());
+        }
+        if self.clock.max_step_s <= 0.0 || self.clock.time_limit_s < 0.0 {
+            return fail(
+                "max_step_duration must be greater than 0 and time_limit must not be negative".to_owned(),
+            );
+        }
+        for agent in &self.agents {
+            agent.check().or_else(fail)?;
+        }
+        if self.communicator.links == Links::LineOfSight
+            && let Some(agent) = self.agents.iter().find(|agent| !agent.satellite.dynamics.line_of_sight)
+        {
+            return fail(format!(
+                "satellite {} must have a LOSCommDynModel for communication by lines of sight",
+                agent.satellite.name
+            ));
+        }
+        Ok(())
+    }
+}
+
+impl AgentSetup {
+    /// Checks that models and actions fit together; the error says which do not.
+    fn check(&self) -> Result<(), String> {
+        use super::actions::SoftwareAction::{Downlink, Scan};
+        let (name, dynamics, software) =
+            (&self.satellite.name, self.satellite.dynamics, self.satellite.software);
+        if software.imaging && !dynamics.instrument {
+            return Err(format!("satellite {name}: an imaging flight software needs an ImagingDynModel"));
+        }
+        if software.continuous != dynamics.continuous {
+            return Err(format!(
+                "satellite {name}: ContinuousImagingFSWModel and ContinuousImagingDynModel belong together"
+            ));
+        }
+        if self.actions.is_empty() {
+            return Err(format!("satellite {name} needs at least one action"));
+        }
+        for action in &self.actions {
+            match action {
+                ActionSpec::Software { action: Scan, .. } if !software.continuous => {
+                    return Err(format!("satellite {name}: Scan needs a ContinuousImagingFSWModel"));
+                }
+                ActionSpec::Software { action: Downlink, .. } if !software.imaging => {
+                    return Err(format!("satellite {name}: Downlink needs an ImagingFSWModel"));
+                }
+                ActionSpec::Image { .. }
+                    if !software.imaging
+                        || software.continuous
+                        || !matches!(self.class, SatelliteClass::Imaging(_)) =>
+                {
+                    return Err(format!(
+                        "satellite {name}: Image needs an ImagingSatellite with an ImagingFSWModel"
+                    ));
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}

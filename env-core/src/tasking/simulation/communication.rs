@@ -1,0 +1,112 @@
+//! Communication of known images between satellites at the end of a step.
+
+use super::agent::Agent;
+use super::target_set::TargetSet;
+use crate::tasking::clock::TickLength;
+use crate::tasking::constants::EARTH_RADIUS_M;
+use crate::tasking::orbit::Sky;
+use crate::tasking::setup::environment::{Communicator, Links};
+use crate::tasking::vector3::{Vector3, dot, norm, rotate, sub};
+
+/// Ratio of the polar to the equatorial radius of the Earth that blocks lines of sight, as in BSK-RL.
+const POLAR_RATIO: f64 = 0.98;
+
+/// A pair of satellites of which the first sends to the second.
+pub type Pair = [usize; 2];
+
+/// Ticks of a step, of which the first is the last one of the step before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StepTicks {
+    /// Tick at which the step began.
+    pub start: u64,
+    /// Tick at which the step ended.
+    pub end: u64,
+    /// Length of a tick.
+    pub tick: TickLength,
+}
+
+/// Pairs of satellites that share data at the end of a step, in BSK-RL's order; a link by line of sight appears twice in each
+/// direction.
+pub(super) fn communication_pairs(
+    communicator: &Communicator,
+    agents: &mut [Agent],
+    ticks: &StepTicks,
+    sky: &mut Sky,
+) -> Vec<Pair> {
+    let count = agents.len();
+    let all = || (0..count).flat_map(move |a| (0..count).filter(move |b| *b != a).map(move |b| [a, b]));
+    let mut pairs: Vec<Pair> = match communicator.links {
+        Links::None => Vec::new(),
+        Links::Free => all().collect(),
+        Links::LineOfSight => all()
+            .filter(|[a, b]| are_linked(agents, *a, *b, ticks, sky))
+            .flat_map(|[a, b]| [[a, b], [b, a]])
+            .collect(),
+    };
+    if communicator.multi_degree {
+        let component = components(count, &pairs);
+        pairs = all().filter(|[a, b]| component[*a] == component[*b]).collect();
+    }
+    if communicator.broadcast {
+        pairs.retain(|[sender, _]| agents[*sender].broadcast_pending);
+        agents.iter_mut().for_each(|agent| agent.broadcast_pending = false);
+    }
+    pairs
+}
+
+/// Shares known images along pairs. If there are as many pairs as directions between all satellites, all of them share
+/// everything, as in BSK-RL, which counts instead of comparing.
+pub(super) fn share_images(agents: &mut [Agent], pairs: &[Pair]) {
+    let before: Vec<TargetSet> = agents.iter().map(|agent| agent.imaged.clone()).collect();
+    if pairs.len() == agents.len() * (agents.len() - 1) {
+        for agent in agents {
+            before.iter().for_each(|other| agent.imaged.union(other));
+        }
+        return;
+    }
+    for [sender, receiver] in pairs {
+        agents[*receiver].imaged.union(&before[*sender]);
+    }
+}
+
+/// Numbers of the connected components of the satellites.
+fn components(count: usize, pairs: &[Pair]) -> Vec<usize> {
+    let mut component: Vec<usize> = (0..count).collect();
+    for [a, b] in pairs {
+        let (from, to) = (component[*a], component[*b]);
+        component.iter_mut().filter(|number| **number == from).for_each(|number| *number = to);
+    }
+    component
+}
+
+/// True if satellite `a` saw satellite `b` at any tick that the step recorded: from its first tick to the one before its last.
+///
+/// The satellites' dynamics run one after the other, so that a satellite sees those after it where they were one tick before.
+fn are_linked(agents: &mut [Agent], a: usize, b: usize, ticks: &StepTicks, sky: &mut Sky) -> bool {
+    let max_range = agents[a].satellite.spec().args.link_max_range_m;
+    let end = ticks.tick.time_s(ticks.end);
+    for index in [a, b] {
+        agents[index].satellite.orbit_mut().extend_to(end, sky);
+    }
+    (ticks.start..ticks.end).any(|tick| {
+        let time = ticks.tick.time_s(tick);
+        let other_time = if b > a { ticks.tick.time_s(tick.saturating_sub(1)) } else { time };
+        let matrix = sky.earth(time).planet_from_inertial();
+        let at = |index: usize, time: f64| {
+            let orbit = agents[index].satellite.orbit();
+            rotate(&matrix, &orbit.arc(time).position(time))
+        };
+        has_line_of_sight(&at(a, time), &at(b, other_time), max_range)
+    })
+}
+
+/// True if the Earth, an ellipsoid, is not between two planet-fixed positions, and they are within range (Basilisk's
+/// `spacecraftLocation`).
+fn has_line_of_sight(from: &Vector3<f64>, to: &Vector3<f64>, max_range_m: f64) -> bool {
+    let on_sphere = |v: &Vector3<f64>| [v[0], v[1], v[2] / POLAR_RATIO];
+    let (start, end) = (on_sphere(from), on_sphere(to));
+    let line = sub(&end, &start);
+    let share = (-dot(&start, &line) / dot(&line, &line)).clamp(0.0, 1.0);
+    let nearest = [0, 1, 2].map(|i| start[i] + share * line[i]);
+    norm(&nearest) > EARTH_RADIUS_M && (max_range_m <= 0.0 || norm(&sub(to, from)) <= max_range_m)
+}

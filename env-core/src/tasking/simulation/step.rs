@@ -1,0 +1,177 @@
+//! What follows the ticks of a step: data, rewards, communication and ends.
+
+use super::TaskingSim;
+use super::actions::AgentAction;
+use super::communication::{Pair, StepTicks, communication_pairs, share_images};
+use super::rewards::{collect, rewards};
+use crate::tasking::error::TaskingError;
+use crate::tasking::setup::environment::{EnvironmentMode, Rewarder};
+use crate::tasking::tick::dispatch::InstructionSet;
+
+/// Result of a step.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct StepResult {
+    /// Duration of the step, s.
+    pub elapsed_s: f64,
+    /// Reward of each satellite, without penalties.
+    pub rewards: Vec<f64>,
+    /// Penalty of each satellite.
+    pub penalties: Vec<f64>,
+    /// True for satellites whose episode ends by the rules.
+    pub terminated: Vec<bool>,
+    /// True if the time limit is reached.
+    pub truncated: bool,
+    /// Pairs of satellites that shared data.
+    pub pairs: Vec<Pair>,
+    /// Targets that were imaged in the step, by satellite.
+    pub imaged: Vec<Option<usize>>,
+}
+
+/// Runs a step of several episodes side by side. An episode whose actions are not valid does not take part.
+pub fn step_all(
+    episodes: &mut [TaskingSim],
+    actions: &[Vec<Option<AgentAction>>],
+    set: InstructionSet,
+) -> Vec<Result<StepResult, TaskingError>> {
+    let mut running = Vec::with_capacity(episodes.len());
+    let mut errors = Vec::with_capacity(episodes.len());
+    for (episode, actions) in episodes.iter_mut().zip(actions) {
+        match episode.give_actions(actions).and_then(|()| episode.begin_ticks()) {
+            Ok(is_ended) => {
+                errors.push(None);
+                if !is_ended {
+                    running.push(episode);
+                }
+            }
+            Err(error) => errors.push(Some(error)),
+        }
+    }
+    super::run::run_all(&mut running[..], set);
+    let finish = |(episode, error): (&mut TaskingSim, Option<TaskingError>)| match error {
+        None => Ok(episode.finish_step()),
+        Some(error) => Err(error),
+    };
+    episodes.iter_mut().zip(errors).map(finish).collect()
+}
+
+impl TaskingSim {
+    /// Runs a step with one action for each satellite; `None` lets a satellite go on.
+    ///
+    /// # Errors
+    /// Returns [`TaskingError`] if an action is not valid, or nothing can end the step. The episode has not changed then,
+    /// except that the actions are given if nothing can end the step.
+    pub fn step(
+        &mut self,
+        actions: &[Option<AgentAction>],
+        set: InstructionSet,
+    ) -> Result<StepResult, TaskingError> {
+        self.give_actions(actions)?;
+        if !self.begin_ticks()? {
+            super::run::run_one(self, set);
+        }
+        Ok(self.finish_step())
+    }
+
+    /// Runs a step like [`TaskingSim::step`], and calls `observe` after every tick.
+    ///
+    /// # Errors
+    /// Returns the errors of [`TaskingSim::step`].
+    pub fn step_traced(
+        &mut self,
+        actions: &[Option<AgentAction>],
+        observe: &mut dyn FnMut(&Self),
+    ) -> Result<StepResult, TaskingError> {
+        self.give_actions(actions)?;
+        if !self.begin_ticks()? {
+            super::run::run_traced(self, observe);
+        }
+        Ok(self.finish_step())
+    }
+
+    /// Collects data, rewards and knowledge after the ticks of a step.
+    pub(super) fn finish_step(&mut self) -> StepResult {
+        self.steps += 1;
+        let resources = self.resource_values();
+        let are_images_rewarded = self.setup.rewarders.contains(&Rewarder::UniqueImages);
+        let data: Vec<_> = self
+            .agents
+            .iter_mut()
+            .zip(resources)
+            .map(|(agent, resources)| collect(agent, resources, are_images_rewarded))
+            .collect();
+        let rewards = rewards(&self.setup.rewarders, &data, &self.setup.targets, &mut self.rewarded);
+        self.totals.iter_mut().zip(&rewards).for_each(|(total, reward)| *total += reward);
+        let pairs = self.communicate();
+        let was_alive: Vec<bool> = self.agents.iter().map(|agent| agent.is_alive).collect();
+        for agent in &mut self.agents {
+            agent.is_alive &= agent.satellite.is_alive();
+        }
+        let truncated = self.time_limit.is_some_and(|limit| self.now >= limit);
+        let is_constellation = self.setup.mode == EnvironmentMode::Constellation;
+        let mut penalties = vec![0.0; self.agents.len()];
+        for ((agent, penalty), was_alive) in self.agents.iter_mut().zip(&mut penalties).zip(&was_alive) {
+            if agent.is_alive {
+                continue;
+            }
+            if *was_alive || !is_constellation {
+                *penalty = self.setup.failure_penalty;
+            }
+            if is_constellation {
+                (agent.timed_event, agent.satellite.awaited_bits) = (None, None);
+            }
+        }
+        let limit_terminates = truncated && self.setup.clock.terminate_on_time_limit;
+        StepResult {
+            elapsed_s: self.setup.clock.tick.time_s(self.now) - self.setup.clock.tick.time_s(self.step_start),
+            rewards,
+            penalties,
+            terminated: self.agents.iter().map(|agent| limit_terminates || !agent.is_alive).collect(),
+            truncated,
+            pairs,
+            imaged: data.iter().map(|new| new.imaged).collect(),
+        }
+    }
+
+    /// Lets satellites share data, unless the last time is too recent.
+    fn communicate(&mut self) -> Vec<Pair> {
+        let time = self.time_s();
+        if time - self.last_communication_s < self.setup.communicator.min_period_s {
+            return Vec::new();
+        }
+        let ticks = StepTicks { start: self.step_start, end: self.now, tick: self.setup.clock.tick };
+        let pairs = communication_pairs(&self.setup.communicator, &mut self.agents, &ticks, &mut self.sky);
+        share_images(&mut self.agents, &pairs);
+        self.last_communication_s = time;
+        pairs
+    }
+
+    /// Values of the rewarded properties of each satellite.
+    fn resource_values(&mut self) -> Vec<Vec<f64>> {
+        let properties: Vec<_> = self
+            .setup
+            .rewarders
+            .iter()
+            .filter_map(|rewarder| match rewarder {
+                Rewarder::Resource { property, .. } => Some(*property),
+                _ => None,
+            })
+            .collect();
+        (0..self.agents.len())
+            .map(|index| {
+                let mut values = Vec::new();
+                for property in &properties {
+                    let first = values.len();
+                    self.with_view(index, |view| property.write(view, &mut values));
+                    values.truncate(first + 1);
+                }
+                values
+            })
+            .collect()
+    }
+
+    /// Records the rewarded properties at the start of the episode.
+    pub(super) fn log_resources(&mut self) {
+        let values = self.resource_values();
+        self.agents.iter_mut().zip(values).for_each(|(agent, values)| agent.logged_resources = values);
+    }
+}
