@@ -39,6 +39,7 @@ pub mod scene;
 pub mod seed;
 pub mod space;
 pub mod task;
+pub mod tasking;
 #[cfg(test)]
 mod testing;
 pub mod text;

@@ -1,0 +1,13 @@
+//! Recordings of BSK-RL's episodes, and their replay.
+//!
+//! The format is that of `scripts/bsk-record` (`docs/reference/bsk-recordings.md`). [`reference`] converts older recordings into it,
+//! [`read`] and [`setup`] read it, [`replay`] compares episodes step by step, [`trace`] tick by tick.
+
+pub mod compare;
+pub mod read;
+pub mod reference;
+pub mod replay;
+pub mod setup;
+pub mod trace;
+
+pub use self::replay::{compare_recording, is_recording};

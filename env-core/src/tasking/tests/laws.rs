@@ -1,0 +1,123 @@
+//! Laws that hold in every episode.
+
+use super::samples::{Draws, random_actions, recorded_setups, redraw};
+use crate::tasking::clock::TickLength;
+use crate::tasking::constants::WHEEL_INERTIA_KG_M2;
+use crate::tasking::satellite::TaskedSatellite;
+use crate::tasking::setup::environment::Rewarder;
+use crate::tasking::simulation::TaskingSim;
+use crate::tasking::tick::attitude::body_from_inertial;
+use crate::tasking::tick::dispatch::InstructionSet;
+use crate::tasking::vector3::{Vector3, norm, rotate_back, sub};
+
+/// Angular momentum of body and wheels in the inertial frame, N·m·s.
+fn momentum(satellite: &TaskedSatellite) -> Vector3<f64> {
+    let attitude = &satellite.state.attitude;
+    let inertia = satellite.spec().args.inertia();
+    let in_body =
+        [0, 1, 2].map(|i| inertia[i] * attitude.omega[i] + WHEEL_INERTIA_KG_M2 * attitude.wheels[i]);
+    rotate_back(&body_from_inertial(&attitude.sigma), &in_body)
+}
+
+#[test]
+fn angular_momentum_is_conserved_without_torques() {
+    let mut setup = recorded_setups().into_iter().find(|setup| setup.agents.len() == 1).unwrap();
+    setup.agents[0].satellite.args.disturbance_n_m = [0.0; 3];
+    setup.agents[0].satellite.args.omega_init_rad_s = [0.002, -0.001, 0.003];
+    // With short ticks, RK4 conserves what the equations conserve.
+    setup.clock.tick = TickLength::from_seconds(0.02).unwrap();
+    setup.clock.max_step_s = 4.0;
+    let mut sim = TaskingSim::new(setup).unwrap();
+    let before = momentum(sim.satellite(0));
+    sim.step(&[None], InstructionSet::detect()).unwrap();
+    let drift = norm(&sub(&momentum(sim.satellite(0)), &before)) / norm(&before);
+    assert!(drift < 1e-12, "{drift:e}");
+}
+
+#[test]
+fn random_episodes_stay_within_bounds() {
+    let mut draws = Draws::new(7);
+    for base in recorded_setups() {
+        let setup = redraw(&base, &mut draws);
+        let mut sim = TaskingSim::new(setup.clone()).unwrap();
+        for _ in 0..40 {
+            let actions = random_actions(&sim, &mut draws);
+            // A scan without a pass left has no opportunity to observe; steps do not depend on it.
+            let result = sim.step(&actions, InstructionSet::detect()).unwrap();
+            assert!(result.elapsed_s >= 0.0 && result.elapsed_s.is_finite());
+            for index in 0..sim.len() {
+                assert_bounds(sim.satellite(index));
+                assert_reward(&setup.rewarders, result.rewards[index], result.elapsed_s);
+            }
+            if result.truncated {
+                break;
+            }
+        }
+    }
+}
+
+fn assert_bounds(satellite: &TaskedSatellite) {
+    let (state, args) = (&satellite.state, &satellite.spec().args);
+    assert!((0.0..=args.battery_capacity_ws).contains(&state.battery), "battery {}", state.battery);
+    let stored: f64 = satellite.stored().iter().sum();
+    assert!((0.0..=args.storage_capacity_bits).contains(&stored), "stored {stored}");
+    assert!(norm(&state.attitude.sigma) <= 1.0 + 1e-12);
+    let numbers =
+        [state.attitude.sigma, state.attitude.omega, state.attitude.wheels, state.motor, state.command];
+    assert!(numbers.iter().flatten().all(|x| x.is_finite()), "{numbers:?}");
+    assert!(state.motor.iter().all(|torque| torque.abs() <= args.u_max_n_m), "{:?}", state.motor);
+}
+
+fn assert_reward(rewarders: &[Rewarder], reward: f64, elapsed_s: f64) {
+    let images = rewarders.contains(&Rewarder::UniqueImages);
+    let resources = rewarders.iter().any(|rewarder| matches!(rewarder, Rewarder::Resource { .. }));
+    if !resources {
+        let most = if images { 1.0 } else { elapsed_s };
+        assert!((0.0..=most).contains(&reward), "{reward}");
+    }
+}
+
+#[test]
+fn the_battery_is_the_sum_of_net_power() {
+    let mut draws = Draws::new(3);
+    for base in recorded_setups().into_iter().filter(|setup| setup.agents.len() == 1).take(6) {
+        let mut sim = TaskingSim::new(redraw(&base, &mut draws)).unwrap();
+        let step_s = base.clock.tick.seconds();
+        for _ in 0..6 {
+            let actions = random_actions(&sim, &mut draws);
+            let capacity = sim.satellite(0).spec().args.battery_capacity_ws;
+            let mut charge = sim.satellite(0).state.battery;
+            sim.step_traced(&actions, &mut |sim| {
+                let state = &sim.satellite(0).state;
+                charge = (charge + state.net_power * step_s).clamp(0.0, capacity);
+                assert_eq!(charge.to_bits(), state.battery.to_bits());
+            })
+            .unwrap();
+        }
+    }
+}
+
+#[test]
+fn invalid_actions_change_nothing() {
+    let setup = recorded_setups().into_iter().find(|setup| setup.agents.len() == 2).unwrap();
+    let mut sim = TaskingSim::new(setup).unwrap();
+    let before = sim.state_hash();
+    let set = InstructionSet::detect();
+    let last = crate::tasking::simulation::AgentAction::Index(1_000);
+    let error = sim.step(&[None, Some(last)], set).unwrap_err().to_string();
+    assert!(error.contains("it must be from 0 to"), "{error}");
+    assert!(
+        sim.step(&[None], set).unwrap_err().to_string().contains("one action for each of the 2 satellites")
+    );
+    assert_eq!(sim.state_hash(), before);
+    assert_eq!(sim.now(), 0);
+}
+
+#[test]
+fn a_step_that_nothing_ends_is_an_error() {
+    let mut setup = recorded_setups().into_iter().find(|setup| setup.agents.len() == 1).unwrap();
+    (setup.clock.time_limit_s, setup.clock.max_step_s) = (f64::INFINITY, f64::INFINITY);
+    let mut sim = TaskingSim::new(setup).unwrap();
+    let error = sim.step(&[None], InstructionSet::detect()).unwrap_err().to_string();
+    assert!(error.starts_with("no event ends this step"), "{error}");
+}

@@ -1,0 +1,9 @@
+//! Tests of the tasking world: replays of BSK-RL's recordings, laws, and equality of lanes.
+
+mod lanes;
+mod laws;
+mod recordings;
+mod samples;
+mod validate_bsk_episodes;
+mod validate_bsk_orbit;
+mod validate_bsk_sky;
