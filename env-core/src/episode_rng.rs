@@ -38,6 +38,16 @@ pub enum RngStream {
         /// Id of the debris.
         debris: u32,
     },
+    /// Start of an episode in time.
+    Epoch,
+    /// Initial orbits of satellites.
+    Orbit,
+    /// Initial attitudes, rates and wheel speeds of satellites.
+    Attitude,
+    /// Initial charge and data of satellites.
+    Resources,
+    /// Positions and priorities of targets.
+    Targets,
 }
 
 impl RngStream {
@@ -56,12 +66,17 @@ impl RngStream {
             Self::Warning { step, satellite, debris } => {
                 (9, (step as u64) << 40 | (satellite as u64) << 32 | debris as u64)
             }
+            Self::Epoch => (10, 0),
+            Self::Orbit => (11, 0),
+            Self::Attitude => (12, 0),
+            Self::Resources => (13, 0),
+            Self::Targets => (14, 0),
         }
     }
 }
 
 /// Number of purposes of draws.
-const SLOTS: usize = 10;
+const SLOTS: usize = 15;
 /// Number that no stream has.
 const CLOSED: u64 = u64::MAX;
 

@@ -9,6 +9,9 @@ pub struct TickLength {
 }
 
 impl TickLength {
+    /// One second: the default of BSK-RL.
+    pub const ONE_SECOND: Self = Self { nanoseconds: 1_000_000_000 };
+
     /// Creates a length from seconds (`sim_rate` of BSK-RL).
     ///
     /// # Errors

@@ -8,6 +8,7 @@ pub mod access;
 pub mod clock;
 pub mod constants;
 pub mod earth;
+pub mod environments;
 pub mod error;
 pub mod observation;
 pub mod orbit;

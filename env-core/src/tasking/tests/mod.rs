@@ -1,5 +1,6 @@
 //! Tests of the tasking world: replays of BSK-RL's recordings, laws, and equality of lanes.
 
+mod environments;
 mod lanes;
 mod laws;
 mod recordings;
