@@ -21,6 +21,7 @@ mod sockets;
 mod steal_time;
 mod stepping;
 mod steps;
+mod tasking;
 
 use std::io::Write;
 
@@ -37,7 +38,7 @@ struct Args {
     /// `large-database` measures start, lists, backup and vacuum with a database of ten GiB.
     /// `levels` prints the success of policies at every level. `learner` trains the demo's learner with and without the
     /// designer, for twenty minutes.
-    #[arg(value_parser = ["engine", "bracket", "critique", "curriculum", "steps", "results", "columns", "sockets", "stepping", "growth", "crash", "load", "soak", "runs", "slow-clients", "large-database", "designer", "learner", "levels"])]
+    #[arg(value_parser = ["engine", "bracket", "critique", "curriculum", "steps", "results", "columns", "sockets", "stepping", "growth", "crash", "load", "soak", "runs", "slow-clients", "large-database", "designer", "learner", "levels", "tasking"])]
     benchmarks: Vec<String>,
     /// Duration of `soak`, `crash` and `load`, in minutes
     #[arg(long, default_value_t = 10)]
@@ -93,7 +94,7 @@ fn main() -> anyhow::Result<()> {
         ratio: None,
     }])?;
     type Measure<'a> = &'a dyn Fn() -> anyhow::Result<Vec<Row>>;
-    let all: [(&str, Measure<'_>); 10] = [
+    let all: [(&str, Measure<'_>); 11] = [
         ("engine", &engine::measure),
         ("bracket", &bracket::measure),
         ("critique", &critique::measure),
@@ -104,6 +105,7 @@ fn main() -> anyhow::Result<()> {
         ("sockets", &|| sockets::measure(&args.peer)),
         ("stepping", &stepping::measure),
         ("designer", &designer::measure),
+        ("tasking", &tasking::measure),
     ];
     // These take minutes and run only if they are named.
     let long: [(&str, Measure<'_>); 9] = [

@@ -27,7 +27,6 @@ pub struct LocationSet {
     /// Time at which each location's current window opened, if it is open at the end of the searched arcs.
     opened: Vec<Option<f64>>,
     windows: Vec<AccessWindow>,
-    products: Vec<f64>,
 }
 
 /// A time during which a location sees the satellite above the minimum elevation.
@@ -48,7 +47,6 @@ impl LocationSet {
         let headings = [0, 1, 2].map(|i| positions.iter().map(|q| q[i] / norm(q)).collect());
         let min_radius_m = positions.iter().map(norm).fold(f64::INFINITY, f64::min);
         let opened = vec![None; positions.len()];
-        let products = vec![0.0; positions.len()];
         Self {
             positions,
             headings,
@@ -57,7 +55,6 @@ impl LocationSet {
             searched_arcs: 0,
             opened,
             windows: Vec::new(),
-            products,
         }
     }
 
@@ -133,14 +130,12 @@ impl LocationSet {
     }
 
     /// Locations within reach at a node, in order.
-    fn near_locations(&mut self, track: &GroundTrack, node: usize, threshold: f64) -> Vec<usize> {
+    fn near_locations(&self, track: &GroundTrack, node: usize, threshold: f64) -> Vec<usize> {
         let position = &track.nodes()[node].position;
         let heading = scale(position, 1.0 / norm(position));
-        let [x, y, z] = &self.headings;
-        let products = &mut self.products;
-        Arch::new().dispatch(ScalarProducts { headings: [x, y, z], heading, products });
-        let near = |(location, product): (usize, &f64)| (*product > threshold).then_some(location);
-        self.products.iter().enumerate().filter_map(near).collect()
+        let mut near = Vec::new();
+        Arch::new().dispatch(NearLocations { headings: &self.headings, heading, threshold, near: &mut near });
+        near
     }
 
     /// Finds the opening and closing of a location within an arc.
@@ -194,21 +189,39 @@ fn merge_sorted(a: &[usize], b: &[usize]) -> Vec<usize> {
     merged
 }
 
-/// Scalar products of all headings with one.
-struct ScalarProducts<'a> {
-    headings: [&'a Vec<f64>; 3],
+/// Search for the headings whose scalar product with one exceeds a threshold.
+struct NearLocations<'a> {
+    headings: &'a [Vec<f64>; 3],
     heading: Vector3<f64>,
-    products: &'a mut [f64],
+    threshold: f64,
+    near: &'a mut Vec<usize>,
 }
 
-impl WithSimd for ScalarProducts<'_> {
+impl WithSimd for NearLocations<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let Self { headings: [x, y, z], heading: [a, b, c], products } = self;
-        for (((product, x), y), z) in products.iter_mut().zip(x).zip(y).zip(z) {
-            *product = a * x + b * y + c * z;
+        /// Locations that are tested together.
+        const TOGETHER: usize = 16;
+        let Self { headings: [x, y, z], heading: [a, b, c], threshold, near } = self;
+        let chunks = x.chunks(TOGETHER).zip(y.chunks(TOGETHER)).zip(z.chunks(TOGETHER));
+        for (index, ((x, y), z)) in chunks.enumerate() {
+            let mut products = [f64::NEG_INFINITY; TOGETHER];
+            for (((product, x), y), z) in products.iter_mut().zip(x).zip(y).zip(z) {
+                *product = a * x + b * y + c * z;
+            }
+            let mut is_any_near = false;
+            for product in &products {
+                is_any_near |= *product > threshold;
+            }
+            if is_any_near {
+                for (i, product) in products.iter().enumerate() {
+                    if *product > threshold {
+                        near.push(index * TOGETHER + i);
+                    }
+                }
+            }
         }
     }
 }

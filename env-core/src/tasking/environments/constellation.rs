@@ -41,7 +41,7 @@ impl Default for ConstellationParams {
 }
 
 impl ConstellationParams {
-    /// Draws a scenario.
+    /// Draws a scenario of the environment.
     pub fn setup(&self, rng: &mut impl EpisodeRng) -> Setup {
         let first = circular_orbit(rng, ALTITUDE_M, INCLINATION_DEG);
         let agents = (0..self.satellites)

@@ -26,7 +26,7 @@ const TARGETS_AHEAD: usize = 10;
 /// Largest initial speed of a wheel, rpm.
 const WHEEL_RPM: f64 = 1500.0;
 
-/// Params of imaging.
+/// Params of the imaging environment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImagingParams {
     /// Number of targets on the Earth.
@@ -72,7 +72,7 @@ impl Default for ImagingParams {
 }
 
 impl ImagingParams {
-    /// Draws a scenario.
+    /// Draws a scenario of the environment.
     pub fn setup(&self, rng: &mut impl EpisodeRng) -> Setup {
         let orbit = circular_orbit(rng, RANDOM_ALTITUDE_M, RANDOM_INCLINATION_DEG);
         let agent = self.agent("Imager".to_owned(), orbit, rng);

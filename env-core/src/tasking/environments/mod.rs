@@ -23,7 +23,7 @@ const ORBIT_S: f64 = 5700.0;
 
 /// An environment whose scenarios are drawn from a seed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Environment {
+pub enum TaskingEnvironment {
     /// One satellite scans the ground (`tasking/scanning`).
     Scanning(ScanningParams),
     /// One satellite images targets (`tasking/imaging`).
@@ -32,7 +32,7 @@ pub enum Environment {
     Constellation(ConstellationParams),
 }
 
-impl Environment {
+impl TaskingEnvironment {
     /// The environments with their default params.
     #[must_use]
     pub fn defaults() -> [Self; 3] {
@@ -59,7 +59,7 @@ impl Environment {
         Self::defaults().into_iter().find(|environment| environment.id() == id)
     }
 
-    /// Draws a scenario.
+    /// Draws a scenario of the environment.
     pub fn setup(&self, rng: &mut impl EpisodeRng) -> Setup {
         match self {
             Self::Scanning(params) => params.setup(rng),

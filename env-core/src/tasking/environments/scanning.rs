@@ -70,7 +70,7 @@ impl Default for ScanningParams {
 }
 
 impl ScanningParams {
-    /// Draws a scenario.
+    /// Draws a scenario of the environment.
     pub fn setup(&self, rng: &mut impl EpisodeRng) -> Setup {
         let args = self.satellite_args(rng);
         let agent = AgentSetup {

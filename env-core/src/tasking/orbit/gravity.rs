@@ -5,6 +5,8 @@
 
 use std::sync::LazyLock;
 
+use pulp::{Arch, Simd, WithSimd};
+
 use crate::tasking::constants::{EARTH_MU, EARTH_RADIUS_M, SUN_MU};
 use crate::tasking::earth::{EARTH_RATE_RAD_S, EarthFrame};
 use crate::tasking::vector3::{Matrix3, Vector3, add, dot, norm, rotate, rotate_back, scale, sub};
@@ -13,6 +15,8 @@ use crate::tasking::vector3::{Matrix3, Vector3, add, dot, norm, rotate, rotate_b
 const DEGREE: usize = 10;
 /// Number of orders that the recursions need: one beyond the field's.
 const ORDERS: usize = DEGREE + 2;
+/// Length of a row of values by order: beyond [`ORDERS`] they are zero, so that rows can be read one order ahead.
+const ROW: usize = 16;
 
 /// GravityModel model of a scenario.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -50,9 +54,9 @@ impl GravityModel {
                 let r2 = dot(position, position);
                 scale(position, -EARTH_MU / (r2 * r2.sqrt()))
             }
-            Self::J2 => earth_acceleration::<2>(position, frame, 0),
+            Self::J2 => earth_acceleration::<2, 0>(position, frame),
             Self::Ggm10 => {
-                let earth = earth_acceleration::<DEGREE>(position, frame, DEGREE);
+                let earth = earth_acceleration::<DEGREE, DEGREE>(position, frame);
                 let stretched = stretch_acceleration(position, &frame.equator, mean_stretch(step_s));
                 add(&add(&earth, &stretched), &sun_acceleration(position, sun))
             }
@@ -61,13 +65,13 @@ impl GravityModel {
 }
 
 /// Attraction of the Earth in the inertial frame.
-fn earth_acceleration<const N: usize>(
+fn earth_acceleration<const N: usize, const ORDER: usize>(
     position: &Vector3<f64>,
     frame: &EarthFrame,
-    order: usize,
 ) -> Vector3<f64> {
     let matrix = frame.planet_from_inertial();
-    rotate_back(&matrix, &harmonics::<N>(&rotate(&matrix, position), order))
+    let harmonics = Harmonics::<N, ORDER> { position: rotate(&matrix, position) };
+    rotate_back(&matrix, &Arch::new().dispatch(harmonics))
 }
 
 /// Error of Basilisk's attraction of the Earth, m/s².
@@ -99,7 +103,7 @@ fn sun_acceleration(position: &Vector3<f64>, sun: &Vector3<f64>) -> Vector3<f64>
 }
 
 /// Values of one order of the field for each degree, side by side, so that the compiler can use SIMD.
-type Orders = [f64; ORDERS];
+type Orders = [f64; ROW];
 
 /// Factors of the recursions and sums, by degree and order.
 struct Factors {
@@ -117,12 +121,12 @@ static FACTORS: LazyLock<Factors> = LazyLock::new(Factors::new);
 
 impl Factors {
     fn new() -> Self {
-        let zero = [[0.0; ORDERS]; ORDERS];
+        let zero = [[0.0; ROW]; ORDERS];
         let mut factors = Self {
             cos: zero,
             sin: zero,
-            diagonal: [0.0; ORDERS],
-            subdiagonal: [0.0; ORDERS],
+            diagonal: [0.0; ROW],
+            subdiagonal: [0.0; ROW],
             n1: zero,
             n2: zero,
             q1: zero,
@@ -170,27 +174,42 @@ impl Factors {
     }
 }
 
-/// Acceleration in the planet-fixed frame, m/s², to degree `N` and `order`.
-#[inline]
-fn harmonics<const N: usize>(position: &Vector3<f64>, order: usize) -> Vector3<f64> {
+/// Spherical harmonics to degree `N` and order `ORDER` at a planet-fixed position, m. Their value is the acceleration, m/s².
+struct Harmonics<const N: usize, const ORDER: usize> {
+    position: Vector3<f64>,
+}
+
+impl<const N: usize, const ORDER: usize> WithSimd for Harmonics<N, ORDER> {
+    type Output = Vector3<f64>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Vector3<f64> {
+        harmonics::<N, ORDER>(&self.position)
+    }
+}
+
+/// Acceleration in the planet-fixed frame, m/s², to degree `N` and order `ORDER`.
+#[inline(always)]
+fn harmonics<const N: usize, const ORDER: usize>(position: &Vector3<f64>) -> Vector3<f64> {
     let factors = &*FACTORS;
     let radius = norm(position);
     let [s, t, u] = position.map(|x| x / radius);
-    let (real, imaginary) = powers(s, t, order);
+    let (real, imaginary) = powers(s, t, ORDER);
     let ratio = EARTH_RADIUS_M / radius;
     let mut strength = EARTH_MU / radius * ratio;
-    let mut sums = [[0.0; ORDERS]; 4];
+    let mut sums = [[0.0; ROW]; 4];
     let point_mass = -strength / EARTH_RADIUS_M;
-    let mut legendre = [[0.0; ORDERS]; ORDERS];
+    let mut legendre = [[0.0; ROW]; ORDERS];
     legendre[0][0] = factors.diagonal[0];
-    fill_legendre(&mut legendre, 1, u);
+    fill_legendre(factors, &mut legendre, 1, u);
     for l in 1..=N {
-        fill_legendre(&mut legendre, l + 1, u);
+        fill_legendre(factors, &mut legendre, l + 1, u);
         strength *= ratio;
         let factor = strength / EARTH_RADIUS_M;
         let (current, next) = (&legendre[l], &legendre[l + 1]);
-        for m in 0..=N.min(order) {
-            let (c, s) = (factors.cos[l][m], factors.sin[l][m]);
+        let (cos, sin) = (&factors.cos[l], &factors.sin[l]);
+        for m in 0..ORDERS {
+            let (c, s) = if m <= ORDER { (cos[m], sin[m]) } else { (0.0, 0.0) };
             let d = c * real[m + 1] + s * imaginary[m + 1];
             let weighted = factor * m as f64 * current[m];
             sums[0][m] += weighted * (c * real[m] + s * imaginary[m]);
@@ -205,8 +224,9 @@ fn harmonics<const N: usize>(position: &Vector3<f64>, order: usize) -> Vector3<f
 }
 
 /// Real and imaginary parts of (s + i·t)^(m − 1) at index m; those of index 0 are zero.
+#[inline(always)]
 fn powers(s: f64, t: f64, order: usize) -> (Orders, Orders) {
-    let (mut real, mut imaginary) = ([0.0; ORDERS], [0.0; ORDERS]);
+    let (mut real, mut imaginary) = ([0.0; ROW], [0.0; ROW]);
     real[1] = 1.0;
     for m in 2..=order + 1 {
         real[m] = s * real[m - 1] - t * imaginary[m - 1];
@@ -217,9 +237,8 @@ fn powers(s: f64, t: f64, order: usize) -> (Orders, Orders) {
 
 /// Computes the derived Legendre functions of a degree from those of the two degrees below.
 #[inline(always)]
-fn fill_legendre(legendre: &mut [Orders; ORDERS], l: usize, u: f64) {
-    let factors = &*FACTORS;
-    let (below, two_below) = (legendre[l - 1], if l > 1 { legendre[l - 2] } else { [0.0; ORDERS] });
+fn fill_legendre(factors: &Factors, legendre: &mut [Orders; ORDERS], l: usize, u: f64) {
+    let (below, two_below) = (legendre[l - 1], if l > 1 { legendre[l - 2] } else { [0.0; ROW] });
     let row = &mut legendre[l];
     for m in 0..ORDERS {
         row[m] = u * factors.n1[l][m] * below[m] - factors.n2[l][m] * two_below[m];

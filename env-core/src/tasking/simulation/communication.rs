@@ -11,6 +11,10 @@ use crate::tasking::vector3::{Vector3, dot, norm, rotate, sub};
 /// Ratio of the polar to the equatorial radius of the Earth that blocks lines of sight, as in BSK-RL.
 const POLAR_RATIO: f64 = 0.98;
 
+/// Speed at which the distance of two satellites can change at most, m/s: twice the escape velocity at the Earth's surface. The
+/// distance of the line between them from the Earth's centre changes more slowly.
+const MAX_CLOSING_M_S: f64 = 22_400.0;
+
 /// A pair of satellites of which the first sends to the second.
 pub type Pair = [usize; 2];
 
@@ -88,7 +92,8 @@ fn are_linked(agents: &mut [Agent], a: usize, b: usize, ticks: &StepTicks, sky: 
     for index in [a, b] {
         agents[index].satellite.orbit_mut().extend_to(end, sky);
     }
-    (ticks.start..ticks.end).any(|tick| {
+    let mut tick = ticks.start;
+    while tick < ticks.end {
         let time = ticks.tick.time_s(tick);
         let other_time = if b > a { ticks.tick.time_s(tick.saturating_sub(1)) } else { time };
         let matrix = sky.earth(time).planet_from_inertial();
@@ -96,17 +101,27 @@ fn are_linked(agents: &mut [Agent], a: usize, b: usize, ticks: &StepTicks, sky: 
             let orbit = agents[index].satellite.orbit();
             rotate(&matrix, &orbit.arc(time).position(time))
         };
-        has_line_of_sight(&at(a, time), &at(b, other_time), max_range)
-    })
+        let missing_m = missing_line_of_sight(&at(a, time), &at(b, other_time), max_range);
+        if missing_m <= 0.0 {
+            return true;
+        }
+        // Ticks in which the satellites cannot come into sight are left out.
+        tick += 1 + (missing_m / MAX_CLOSING_M_S / ticks.tick.seconds()) as u64;
+    }
+    false
 }
 
-/// True if the Earth, an ellipsoid, is not between two planet-fixed positions, and they are within range (Basilisk's
-/// `spacecraftLocation`).
-fn has_line_of_sight(from: &Vector3<f64>, to: &Vector3<f64>, max_range_m: f64) -> bool {
+/// Distance by which the line between two planet-fixed positions misses being clear of the Earth, an ellipsoid, and within
+/// range, m; zero or less if there is a line of sight (Basilisk's `spacecraftLocation`).
+fn missing_line_of_sight(from: &Vector3<f64>, to: &Vector3<f64>, max_range_m: f64) -> f64 {
     let on_sphere = |v: &Vector3<f64>| [v[0], v[1], v[2] / POLAR_RATIO];
     let (start, end) = (on_sphere(from), on_sphere(to));
     let line = sub(&end, &start);
     let share = (-dot(&start, &line) / dot(&line, &line)).clamp(0.0, 1.0);
     let nearest = [0, 1, 2].map(|i| start[i] + share * line[i]);
-    norm(&nearest) > EARTH_RADIUS_M && (max_range_m <= 0.0 || norm(&sub(to, from)) <= max_range_m)
+    let beyond = if max_range_m > 0.0 { norm(&sub(to, from)) - max_range_m } else { f64::NEG_INFINITY };
+    let distance = norm(&nearest);
+    // A line that touches the Earth is not clear.
+    let below = if distance > EARTH_RADIUS_M { f64::NEG_INFINITY } else { EARTH_RADIUS_M - distance };
+    if below == 0.0 { f64::MIN_POSITIVE } else { below.max(beyond) }
 }

@@ -3,12 +3,12 @@
 use super::samples::{Draws, random_actions};
 use crate::episode_rng::SeededRng;
 use crate::seed::Seed;
-use crate::tasking::environments::Environment;
+use crate::tasking::environments::TaskingEnvironment;
 use crate::tasking::simulation::TaskingSim;
 use crate::tasking::tick::dispatch::InstructionSet;
 
 /// Flies an episode of a seed with random actions. Returns the hash of its last state.
-fn fly(environment: Environment, seed: u64) -> String {
+fn fly(environment: TaskingEnvironment, seed: u64) -> String {
     let mut rng = SeededRng::new(Seed::user(seed).unwrap());
     let mut sim = TaskingSim::new(environment.setup(&mut rng)).unwrap();
     let mut draws = Draws::new(seed);
@@ -30,7 +30,7 @@ fn fly(environment: Environment, seed: u64) -> String {
 
 #[test]
 fn episodes_keep_their_golden_hashes() {
-    let flown: Vec<String> = Environment::defaults()
+    let flown: Vec<String> = TaskingEnvironment::defaults()
         .into_iter()
         .flat_map(|environment| {
             (0..3).map(move |seed| format!("{} {seed} {}", environment.id(), fly(environment, seed)))

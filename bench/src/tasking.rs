@@ -1,0 +1,175 @@
+//! Speed of the tasking world: batches, single environments and resets, with random actions and all observations.
+
+use std::time::Instant;
+
+use anyhow::Context;
+use env_core::Seed;
+use env_core::episode_rng::{EpisodeRng, RngStream, SeededRng};
+use env_core::tasking::environments::TaskingEnvironment;
+use env_core::tasking::simulation::{AgentAction, StepResult, TaskingSim, step_all};
+use env_core::tasking::tick::dispatch::InstructionSet;
+
+use crate::Row;
+
+/// Environments of a batch.
+const ENVS: usize = 64;
+/// Duration of a measurement, s.
+const SECONDS: f64 = 3.0;
+/// Time of BSK-RL for a second of one satellite, ns, measured for this project.
+const ORIGINAL_NS: f64 = 57_000.0;
+/// Time of BSK-RL for a reset of scanning, s, measured for this project.
+const ORIGINAL_RESET_S: f64 = 0.15;
+
+/// Measures the environments of the world.
+pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
+    let mut rows = Vec::new();
+    for environment in TaskingEnvironment::defaults() {
+        rows.push(Stepper::new(environment, ENVS)?.row(1000.0)?);
+        rows.push(Stepper::new(environment, 1)?.row(250.0)?);
+        rows.push(reset_row(environment)?);
+    }
+    Ok(rows)
+}
+
+#[allow(unused)]
+pub(crate) fn measure_only(only: Option<usize>) -> anyhow::Result<Vec<Row>> {
+    match only {
+        None => measure(),
+        Some(i) => Ok(vec![Stepper::new(TaskingEnvironment::defaults()[i], ENVS)?.row(1000.0)?]),
+    }
+}
+
+/// Environments that are stepped side by side; each is reset when its episode ends.
+struct Stepper {
+    environment: TaskingEnvironment,
+    sims: Vec<TaskingSim>,
+    actions: Vec<Vec<Option<AgentAction>>>,
+    rng: SeededRng,
+    next_seed: u64,
+    observation: Vec<f64>,
+    set: InstructionSet,
+    satellite_seconds: f64,
+    steps: usize,
+    resets: usize,
+    part_seconds: [f64; 4],
+}
+
+impl Stepper {
+    fn new(environment: TaskingEnvironment, envs: usize) -> anyhow::Result<Self> {
+        let mut stepper = Self {
+            environment,
+            sims: Vec::new(),
+            actions: vec![Vec::new(); envs],
+            rng: SeededRng::new(Seed::user(0).context("0 is a seed")?),
+            next_seed: 1,
+            observation: Vec::new(),
+            set: InstructionSet::detect(),
+            satellite_seconds: 0.0,
+            steps: 0,
+            resets: 0,
+            part_seconds: [0.0; 4],
+        };
+        for _ in 0..envs {
+            let sim = stepper.reset()?;
+            stepper.sims.push(sim);
+        }
+        Ok(stepper)
+    }
+
+    /// Starts an episode of a new seed.
+    fn reset(&mut self) -> anyhow::Result<TaskingSim> {
+        self.next_seed += 1;
+        let mut rng = SeededRng::new(Seed::user(self.next_seed).context("the seed is too large")?);
+        Ok(TaskingSim::new(self.environment.setup(&mut rng))?)
+    }
+
+    fn draw_actions(&mut self) {
+        for (sim, actions) in self.sims.iter().zip(&mut self.actions) {
+            actions.clear();
+            for index in 0..sim.len() {
+                let count = sim.action_count(index) as f64;
+                let action = (self.rng.uniform(RngStream::Policy) * count) as usize;
+                actions.push(sim.needs_action(index).then_some(AgentAction::Index(action)));
+            }
+        }
+    }
+
+    /// Steps every environment once, observes it, and resets those that ended.
+    fn step(&mut self) -> anyhow::Result<()> {
+        let mut part = Instant::now();
+        let mut lap = |seconds: &mut f64| {
+            *seconds += part.elapsed().as_secs_f64();
+            part = Instant::now();
+        };
+        self.draw_actions();
+        lap(&mut self.part_seconds[0]);
+        let results: Vec<StepResult> = if self.sims.len() == 1 {
+            vec![self.sims[0].step(&self.actions[0], self.set)?]
+        } else {
+            step_all(&mut self.sims, &self.actions, self.set).into_iter().collect::<Result<_, _>>()?
+        };
+        lap(&mut self.part_seconds[1]);
+        for (index, result) in results.iter().enumerate() {
+            self.steps += 1;
+            self.satellite_seconds += result.elapsed_s * self.sims[index].len() as f64;
+            if result.truncated || result.terminated.iter().any(|ended| *ended) {
+                self.resets += 1;
+                self.sims[index] = self.reset()?;
+                lap(&mut self.part_seconds[2]);
+            }
+            let sim = &mut self.sims[index];
+            self.observation.clear();
+            for satellite in 0..sim.len() {
+                sim.observe(satellite, &mut self.observation)?;
+            }
+            std::hint::black_box(&self.observation);
+            lap(&mut self.part_seconds[3]);
+        }
+        Ok(())
+    }
+
+    /// Steps for the duration of a measurement. The goal is a multiple of BSK-RL's speed.
+    fn row(mut self, goal: f64) -> anyhow::Result<Row> {
+        let begun = Instant::now();
+        while begun.elapsed().as_secs_f64() < SECONDS {
+            self.step()?;
+        }
+        let seconds = begun.elapsed().as_secs_f64();
+        let ns = seconds * 1e9 / self.satellite_seconds;
+        let share = self.part_seconds.map(|part| 100.0 * part / seconds);
+        Ok(Row {
+            label: format!("{} × {}", self.environment.id(), self.sims.len()),
+            measured: format!(
+                "{ns:.1} ns a satellite-second, {:.0} steps/s, {:.0} resets/s (ticks {:.0} %, resets {:.0} %, observations {:.0} %)",
+                self.steps as f64 / seconds,
+                self.resets as f64 / seconds,
+                share[1],
+                share[2],
+                share[3],
+            ),
+            goal: format!("{goal} times BSK-RL"),
+            ratio: Some(ORIGINAL_NS / ns / goal),
+        })
+    }
+}
+
+/// Measures resets alone.
+fn reset_row(environment: TaskingEnvironment) -> anyhow::Result<Row> {
+    const GOAL: f64 = 100.0;
+    let mut stepper = Stepper::new(environment, 1)?;
+    let begun = Instant::now();
+    let mut count = 0;
+    while begun.elapsed().as_secs_f64() < 1.0 {
+        stepper.sims[0] = stepper.reset()?;
+        stepper.sims[0].observe(0, &mut stepper.observation)?;
+        stepper.observation.clear();
+        count += 1;
+    }
+    let each = begun.elapsed().as_secs_f64() / f64::from(count);
+    Ok(Row {
+        label: format!("{} reset", environment.id()),
+        measured: format!("{:.0} µs", each * 1e6),
+        goal: format!("{GOAL} times BSK-RL"),
+        ratio: Some(ORIGINAL_RESET_S / each / GOAL),
+    })
+}
