@@ -13,8 +13,14 @@ use crate::tasking::orbit::gravity::stretch_acceleration;
 use crate::tasking::orbit::propagator::STEP_S;
 use crate::tasking::vector3::{Matrix3, Vector3, add, cross, dot, norm, rotate, rotate_back, scale, sub};
 
-/// Steps of BSK-RL's trajectory between two nodes.
-const STEPS_PER_NODE: usize = 2;
+/// Nodes between two computed differences, which cubic polynomials interpolate to a millimetre.
+const NODES_PER_SPAN: usize = 4;
+/// Seconds between two computed differences.
+const SPAN_S: f64 = NODES_PER_SPAN as f64 * STEP_S;
+/// Step of BSK-RL's trajectory, s.
+const INTEGRATED_STEP_S: f64 = 30.0;
+/// Steps of BSK-RL's trajectory between two computed differences.
+const STEPS_PER_SPAN: usize = (SPAN_S / INTEGRATED_STEP_S) as usize;
 
 /// Two orbits about a point mass from the same start: as the trajectory is integrated, and as the satellite moves.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,39 +29,62 @@ pub struct SearchError {
     exact: OrbitState,
     equator: Matrix3<f64>,
     basilisk_step_s: f64,
+    /// Differences at the start and the end of the current span.
+    span: [HillDifference; 2],
+    /// Number of nodes since the start of the span.
+    node: usize,
+}
+
+/// Difference of the two orbits in the turning Hill frame of the exact one.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct HillDifference {
+    /// Difference of position, m.
+    position: Vector3<f64>,
+    /// Its rate of change in the turning frame, m/s.
+    rate: Vector3<f64>,
+    /// Angular velocity of the frame about the orbit normal, rad/s.
+    turn: f64,
 }
 
 impl SearchError {
     /// Creates the pair of orbits from the state of the first node. `equator` are the axes of the Earth's equator, and
     /// `basilisk_step_s` is the step with which Basilisk integrates the satellite, s.
     #[must_use]
-    pub const fn new(start: &OrbitNode, equator: Matrix3<f64>, basilisk_step_s: f64) -> Self {
+    pub fn new(start: &OrbitNode, equator: Matrix3<f64>, basilisk_step_s: f64) -> Self {
         let (r, v) = (start.position, start.velocity);
         let state = [r[0], r[1], r[2], v[0], v[1], v[2]];
-        Self { integrated: state, exact: state, equator, basilisk_step_s }
+        let first = HillDifference::of(&state, &state);
+        let span = [first, first];
+        Self { integrated: state, exact: state, equator, basilisk_step_s, span, node: NODES_PER_SPAN }
     }
 
-    /// Advances both orbits to the next node.
+    /// Advances the difference to the next node.
     pub fn advance(&mut self) {
-        let step = STEP_S / STEPS_PER_NODE as f64;
+        if self.node == NODES_PER_SPAN {
+            self.compute_span();
+            self.node = 0;
+        }
+        self.node += 1;
+    }
+
+    /// Advances both orbits by a span.
+    fn compute_span(&mut self) {
         let stretch = |time: f64| EARTH_RATE_RAD_S * time * (EARTH_RATE_RAD_S * time);
-        for _ in 0..STEPS_PER_NODE {
+        for _ in 0..STEPS_PER_SPAN {
             let rate = |time: f64, state: &OrbitState| derivative(state, &self.equator, stretch(time));
-            self.integrated = rk4_step(&self.integrated, step, rate);
+            self.integrated = rk4_step(&self.integrated, INTEGRATED_STEP_S, rate);
         }
         let mean = stretch(self.basilisk_step_s) / 3.0;
-        self.exact = dop853_step(&self.exact, STEP_S, |_, state| derivative(state, &self.equator, mean));
+        self.exact = dop853_step(&self.exact, SPAN_S, |_, state| derivative(state, &self.equator, mean));
+        self.span = [self.span[1], HillDifference::of(&self.integrated, &self.exact)];
     }
 
     /// The node of the searched trajectory that belongs to a node of the true orbit.
     #[must_use]
     pub fn apply(&self, node: &OrbitNode) -> OrbitNode {
-        let part = |state: &OrbitState, first: usize| [state[first], state[first + 1], state[first + 2]];
-        let difference = |first: usize| sub(&part(&self.integrated, first), &part(&self.exact, first));
-        let from = hill_frame(&part(&self.exact, 0), &part(&self.exact, 3));
-        let to = hill_frame(&node.position, &node.velocity);
-        let turn = |vector: &Vector3<f64>| rotate_back(&to, &rotate(&from, vector));
-        let (position, velocity) = (turn(&difference(0)), turn(&difference(3)));
+        let (position, velocity) = self.difference();
+        let frame = hill_frame(&node.position, &node.velocity);
+        let (position, velocity) = (rotate_back(&frame, &position), rotate_back(&frame, &velocity));
         // The gradient of gravity at the difference of position.
         let radius = norm(&node.position);
         let radial = scale(&node.position, 1.0 / radius);
@@ -66,6 +95,38 @@ impl SearchError {
             velocity: add(&node.velocity, &velocity),
             acceleration: add(&node.acceleration, &scale(&tidal, rate_2)),
         }
+    }
+
+    /// Differences of position, m, and of inertial velocity, m/s, at the current node, in Hill axes.
+    fn difference(&self) -> (Vector3<f64>, Vector3<f64>) {
+        let [from, to] = &self.span;
+        let share = self.node as f64 / NODES_PER_SPAN as f64;
+        let mut position = [0.0; 3];
+        let mut rate = [0.0; 3];
+        for i in 0..3 {
+            // Cubic Hermite polynomial of the share of the span.
+            let (start, slope) = (from.position[i], SPAN_S * from.rate[i]);
+            let rise = to.position[i] - start - slope;
+            let turn = SPAN_S * to.rate[i] - slope;
+            let (square, cube) = (3.0 * rise - turn, turn - 2.0 * rise);
+            position[i] = start + share * (slope + share * (square + share * cube));
+            rate[i] = (slope + share * (2.0 * square + share * (3.0 * cube))) / SPAN_S;
+        }
+        let turn = from.turn + share * (to.turn - from.turn);
+        (position, [rate[0] - turn * position[1], rate[1] + turn * position[0], rate[2]])
+    }
+}
+
+impl HillDifference {
+    fn of(integrated: &OrbitState, exact: &OrbitState) -> Self {
+        let part = |state: &OrbitState, first: usize| [state[first], state[first + 1], state[first + 2]];
+        let (r, v) = (part(exact, 0), part(exact, 3));
+        let frame = hill_frame(&r, &v);
+        let position = rotate(&frame, &sub(&part(integrated, 0), &r));
+        let velocity = rotate(&frame, &sub(&part(integrated, 3), &v));
+        let turn = norm(&cross(&r, &v)) / dot(&r, &r);
+        let rate = [velocity[0] + turn * position[1], velocity[1] - turn * position[0], velocity[2]];
+        Self { position, rate, turn }
     }
 }
 

@@ -195,6 +195,7 @@ fn harmonics<const N: usize, const ORDER: usize>(position: &Vector3<f64>) -> Vec
     let radius = norm(position);
     let [s, t, u] = position.map(|x| x / radius);
     let (real, imaginary) = powers(s, t, ORDER);
+    let powers = [real, imaginary, ahead(&real), ahead(&imaginary)];
     let ratio = EARTH_RADIUS_M / radius;
     let mut strength = EARTH_MU / radius * ratio;
     let mut sums = [[0.0; ROW]; 4];
@@ -207,20 +208,79 @@ fn harmonics<const N: usize, const ORDER: usize>(position: &Vector3<f64>) -> Vec
         strength *= ratio;
         let factor = strength / EARTH_RADIUS_M;
         let (current, next) = (&legendre[l], &legendre[l + 1]);
-        let (cos, sin) = (&factors.cos[l], &factors.sin[l]);
-        for m in 0..ORDERS {
-            let (c, s) = if m <= ORDER { (cos[m], sin[m]) } else { (0.0, 0.0) };
-            let d = c * real[m + 1] + s * imaginary[m + 1];
-            let weighted = factor * m as f64 * current[m];
-            sums[0][m] += weighted * (c * real[m] + s * imaginary[m]);
-            sums[1][m] += weighted * (s * real[m] - c * imaginary[m]);
-            sums[2][m] += factor * factors.q1[l][m] * current[m + 1] * d;
-            sums[3][m] += factor * factors.q2[l][m] * next[m + 1] * d;
-        }
+        let degree = DegreeFactors {
+            cos: up_to(&factors.cos[l], ORDER),
+            sin: up_to(&factors.sin[l], ORDER),
+            current,
+            current_ahead: &ahead(current),
+            next_ahead: &ahead(next),
+            q1: &factors.q1[l],
+            q2: &factors.q2[l],
+            factor,
+        };
+        degree.add_to(&mut sums, &powers);
     }
     let [a1, a2, a3, a4] = sums.map(|orders| orders.iter().sum::<f64>());
     let radial = point_mass - a4;
     [a1 + s * radial, a2 + t * radial, a3 + u * radial]
+}
+
+/// Orders as numbers.
+const ORDER_NUMBERS: Orders =
+    [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
+
+/// Values of one degree, by order.
+struct DegreeFactors<'a> {
+    cos: Orders,
+    sin: Orders,
+    current: &'a Orders,
+    current_ahead: &'a Orders,
+    next_ahead: &'a Orders,
+    q1: &'a Orders,
+    q2: &'a Orders,
+    factor: f64,
+}
+
+impl DegreeFactors<'_> {
+    /// Adds the terms of the degree. The loops are apart from each other so that the compiler uses SIMD for each.
+    #[inline(always)]
+    fn add_to(&self, sums: &mut [Orders; 4], [real, imaginary, real_ahead, imaginary_ahead]: &[Orders; 4]) {
+        let (mut d, mut weighted) = ([0.0; ROW], [0.0; ROW]);
+        for m in 0..ROW {
+            d[m] = self.cos[m] * real_ahead[m] + self.sin[m] * imaginary_ahead[m];
+        }
+        for m in 0..ROW {
+            weighted[m] = self.factor * ORDER_NUMBERS[m] * self.current[m];
+        }
+        for m in 0..ROW {
+            sums[0][m] += weighted[m] * (self.cos[m] * real[m] + self.sin[m] * imaginary[m]);
+        }
+        for m in 0..ROW {
+            sums[1][m] += weighted[m] * (self.sin[m] * real[m] - self.cos[m] * imaginary[m]);
+        }
+        for m in 0..ROW {
+            sums[2][m] += self.factor * self.q1[m] * self.current_ahead[m] * d[m];
+        }
+        for m in 0..ROW {
+            sums[3][m] += self.factor * self.q2[m] * self.next_ahead[m] * d[m];
+        }
+    }
+}
+
+/// A row from the next order on.
+#[inline(always)]
+fn ahead(row: &Orders) -> Orders {
+    let mut moved = [0.0; ROW];
+    moved[..ROW - 1].copy_from_slice(&row[1..]);
+    moved
+}
+
+/// A row without the orders beyond `order`.
+#[inline(always)]
+fn up_to(row: &Orders, order: usize) -> Orders {
+    let mut kept = *row;
+    kept[order + 1..].fill(0.0);
+    kept
 }
 
 /// Real and imaginary parts of (s + i·t)^(m − 1) at index m; those of index 0 are zero.
@@ -240,7 +300,7 @@ fn powers(s: f64, t: f64, order: usize) -> (Orders, Orders) {
 fn fill_legendre(factors: &Factors, legendre: &mut [Orders; ORDERS], l: usize, u: f64) {
     let (below, two_below) = (legendre[l - 1], if l > 1 { legendre[l - 2] } else { [0.0; ROW] });
     let row = &mut legendre[l];
-    for m in 0..ORDERS {
+    for m in 0..ROW {
         row[m] = u * factors.n1[l][m] * below[m] - factors.n2[l][m] * two_below[m];
     }
     row[l - 1] = factors.subdiagonal[l] * u;

@@ -52,9 +52,8 @@ pub fn run_traced(sim: &mut TaskingSim, observe: &mut dyn FnMut(&TaskingSim)) {
     let mut lanes = LaneBlocks { blocks, set: InstructionSet::detect() };
     let mut slot = lanes.load(0, sim, 0);
     loop {
-        let stored = lanes.stored();
-        let ran = lanes.run(1);
-        let goes_on = lanes.advance(&mut slot, sim, ran, &stored);
+        slot.pending += lanes.run(1);
+        let goes_on = lanes.advance(&mut slot, sim);
         if goes_on {
             for (i, agent) in sim.agents.iter_mut().enumerate() {
                 lanes.blocks[i / BLOCK_LANES].store(i % BLOCK_LANES, &mut agent.satellite.state);
@@ -81,6 +80,10 @@ struct EpisodeLanes {
     first_lane: usize,
     /// Last tick for which the inputs of each satellite hold.
     until: Vec<u64>,
+    /// Number of ticks after which the inputs of a satellite change or an event is due.
+    due: u64,
+    /// Number of ticks that ran since the episode was last processed.
+    pending: u64,
 }
 
 /// Runs episodes with up to `largest` satellites in blocks of `W` lanes.
@@ -108,12 +111,16 @@ where
         if active.is_empty() {
             return;
         }
-        let ticks =
-            active.iter().map(|slot| slot.ticks_to_event(episodes.episode(slot.episode))).min().unwrap_or(1);
-        let stored = lanes.stored();
+        let ticks = active.iter().map(|slot| slot.due - slot.pending).min().unwrap_or(1);
         let ran = lanes.run(ticks);
+        // An image stops the ticks before any episode is due.
+        let has_image = lanes.has_image();
         active.retain_mut(|slot| {
-            let goes_on = lanes.advance(slot, episodes.episode(slot.episode), ran, &stored);
+            slot.pending += ran;
+            if slot.pending < slot.due && !has_image {
+                return true;
+            }
+            let goes_on = lanes.advance(slot, episodes.episode(slot.episode));
             if !goes_on {
                 free.push(slot.first_lane);
             }
@@ -150,12 +157,21 @@ where
             let block = &mut self.blocks[lane / W];
             until.push(agent.satellite.load(now, block, lane % W, &mut sim.sky));
         }
-        EpisodeLanes { episode, first_lane, until }
+        let mut slot = EpisodeLanes { episode, first_lane, until, due: 0, pending: 0 };
+        slot.due = slot.ticks_to_event(sim);
+        slot
     }
 
-    /// Stored bits of all lanes.
-    fn stored(&self) -> Vec<[f64; W]> {
-        self.blocks.iter().map(|block| block.state.stored).collect()
+    /// True if an awaited image is stored in any lane.
+    fn has_image(&self) -> bool {
+        self.blocks.iter().any(|block| {
+            block
+                .state
+                .stored
+                .iter()
+                .zip(&block.inputs.supply.awaited_bits)
+                .any(|(stored, bits)| stored > bits)
+        })
     }
 
     /// Runs up to `ticks` ticks in all blocks. Returns their number.
@@ -176,21 +192,16 @@ where
         u64::from(ran)
     }
 
-    /// Processes what follows `ran` ticks of an episode. Returns false if its step has ended; then its lanes are free.
-    fn advance(
-        &mut self,
-        slot: &mut EpisodeLanes,
-        sim: &mut TaskingSim,
-        ran: u64,
-        stored: &[[f64; W]],
-    ) -> bool {
-        sim.now += ran;
+    /// Processes what follows the pending ticks of an episode. Returns false if its step has ended; then its lanes are free.
+    fn advance(&mut self, slot: &mut EpisodeLanes, sim: &mut TaskingSim) -> bool {
+        sim.now += std::mem::take(&mut slot.pending);
         let now = sim.now;
         for (i, agent) in sim.agents.iter_mut().enumerate() {
             let lane = slot.first_lane + i;
             let block = &mut self.blocks[lane / W];
             if slot.until[i] <= now {
-                let before = stored[lane / W][lane % W];
+                // A transmitter with access runs single ticks: these are the bits before the last one.
+                let before = agent.satellite.state.stored;
                 agent.satellite.finish_tick(now, block, lane % W, before, &mut sim.sky);
             }
             agent.satellite.state.stored = block.state.stored[lane % W];
@@ -209,6 +220,9 @@ where
             if slot.until[i] <= now {
                 slot.until[i] = agent.satellite.refresh(now, block, lane % W, &mut sim.sky);
             }
+        }
+        if !is_ended {
+            slot.due = slot.ticks_to_event(sim);
         }
         !is_ended
     }
