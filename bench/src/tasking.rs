@@ -31,14 +31,6 @@ pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
     Ok(rows)
 }
 
-#[allow(unused)]
-pub(crate) fn measure_only(only: Option<usize>) -> anyhow::Result<Vec<Row>> {
-    match only {
-        None => measure(),
-        Some(i) => Ok(vec![Stepper::new(TaskingEnvironment::defaults()[i], ENVS)?.row(1000.0)?]),
-    }
-}
-
 /// Environments that are stepped side by side; each is reset when its episode ends.
 struct Stepper {
     environment: TaskingEnvironment,
@@ -153,7 +145,7 @@ impl Stepper {
     }
 }
 
-/// Measures resets alone.
+/// Measures resets without any steps.
 fn reset_row(environment: TaskingEnvironment) -> anyhow::Result<Row> {
     const GOAL: f64 = 100.0;
     let mut stepper = Stepper::new(environment, 1)?;

@@ -20,6 +20,8 @@ pub struct LocationSet {
     /// Unit vectors by component, for the scalar products.
     headings: [Vec<f64>; 3],
     min_elevation_rad: f64,
+    /// Sine of the minimum elevation.
+    sine: f64,
     /// Least distance of the locations from the Earth's centre, m.
     min_radius_m: f64,
     /// Number of arcs that were searched.
@@ -51,6 +53,7 @@ impl LocationSet {
             positions,
             headings,
             min_elevation_rad,
+            sine: libm::sin(min_elevation_rad),
             min_radius_m,
             searched_arcs: 0,
             opened,
@@ -144,8 +147,8 @@ impl LocationSet {
         let elevation = ElevationExcess {
             path,
             position: *q,
-            heading: scale(q, 1.0 / norm(q)),
-            sine: libm::sin(self.min_elevation_rad),
+            heading: [0, 1, 2].map(|i| self.headings[i][location]),
+            sine: self.sine,
         };
         let (start, end) = (arc as f64 * STEP_S, (arc + 1) as f64 * STEP_S);
         let (at_start, at_end) = (elevation.at(start), elevation.at(end));
@@ -153,16 +156,20 @@ impl LocationSet {
             self.opened[location] = Some(0.0);
         }
         match (self.opened[location], at_end.value > 0.0) {
-            (None, true) => self.opened[location] = Some(elevation.root(start, end)),
+            (None, true) => {
+                self.opened[location] = Some(elevation.root([start, end], [at_start.value, at_end.value]));
+            }
             (Some(open_s), false) => {
-                let close_s = elevation.root(end, start);
+                let close_s = elevation.root([end, start], [at_end.value, at_start.value]);
                 self.windows.push(AccessWindow { location, open_s, close_s });
                 self.opened[location] = None;
             }
             (None, false) if at_start.slope > 0.0 && at_end.slope < 0.0 => {
                 let top = elevation.summit(start, end);
-                if elevation.at(top).value > 0.0 {
-                    let (open_s, close_s) = (elevation.root(start, top), elevation.root(end, top));
+                let highest = elevation.at(top).value;
+                if highest > 0.0 {
+                    let open_s = elevation.root([start, top], [at_start.value, highest]);
+                    let close_s = elevation.root([end, top], [at_end.value, highest]);
                     self.windows.push(AccessWindow { location, open_s, close_s });
                 }
             }
@@ -252,11 +259,11 @@ impl ElevationExcess<'_> {
         }
     }
 
-    /// Time at which the excess is zero, between a time where it is not positive and one where it is positive: Newton's method,
-    /// with bisection where it leaves the interval.
-    fn root(&self, below: f64, above: f64) -> f64 {
-        let (mut below, mut above) = (below, above);
-        let mut time = 0.5 * (below + above);
+    /// Time at which the excess is zero, between a time where it is not positive and one where it is positive. `excess` has its
+    /// values at both. Newton's method starts from the secant and bisects where it leaves the interval.
+    fn root(&self, [mut below, mut above]: [f64; 2], excess: [f64; 2]) -> f64 {
+        let share = excess[0] / (excess[0] - excess[1]);
+        let mut time = below + (above - below) * share.clamp(0.0, 1.0);
         for _ in 0..50 {
             let ValueAndSlope { value, slope } = self.at(time);
             if value > 0.0 {

@@ -225,7 +225,7 @@ fn harmonics<const N: usize, const ORDER: usize>(position: &Vector3<f64>) -> Vec
     [a1 + s * radial, a2 + t * radial, a3 + u * radial]
 }
 
-/// Orders as numbers.
+/// The orders of a row as floating-point numbers.
 const ORDER_NUMBERS: Orders =
     [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
 
