@@ -4,7 +4,7 @@ use super::search_error::SearchError;
 use crate::tasking::earth::EARTH_RATE_RAD_S;
 use crate::tasking::orbit::propagator::STEP_S;
 use crate::tasking::orbit::{HermiteArc, Orbit, OrbitNode, Sky};
-use crate::tasking::vector3::{Vector3, rotate};
+use crate::tasking::vector3::{Vector3, norm, rotate};
 
 /// Nodes of an orbit in the planet-fixed frame, computed lazily.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -28,7 +28,7 @@ impl GroundTrack {
         for index in self.nodes.len()..needed.min(orbit.nodes().len()) {
             let node = self.searched_node(&orbit.nodes()[index], orbit.basilisk_step_s(), sky);
             let node = to_planet_fixed(&node, index as f64 * STEP_S, sky);
-            let radius = crate::tasking::vector3::norm(&node.position);
+            let radius = norm(&node.position);
             self.max_radius_m = self.max_radius_m.max(radius);
             self.nodes.push(node);
         }

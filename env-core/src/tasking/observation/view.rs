@@ -1,5 +1,6 @@
 //! State of a satellite as observations see it.
 
+use crate::tasking::earth::EARTH_RATE_RAD_S;
 use crate::tasking::orbit::OrbitalElements;
 use crate::tasking::satellite::SatelliteSpec;
 use crate::tasking::tick::attitude::body_from_inertial;
@@ -52,7 +53,7 @@ impl SatelliteView<'_> {
     /// Angular velocity of the planet in the inertial frame, rad/s.
     #[must_use]
     pub fn planet_rate(&self) -> Vector3<f64> {
-        scale(&self.planet[2], crate::tasking::earth::EARTH_RATE_RAD_S)
+        scale(&self.planet[2], EARTH_RATE_RAD_S)
     }
 
     /// Direction of the instrument in the inertial frame.

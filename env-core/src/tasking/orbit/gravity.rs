@@ -1,4 +1,4 @@
-//! GravityModel of the Earth and the Sun.
+//! Gravity of the Earth and the Sun.
 //!
 //! The spherical harmonics are Pines' nonsingular form with normalised coefficients (Pines 1973, *AIAA Journal* 11(11), 1508–1511;
 //! recursions of Lundberg and Schutz 1988, *J. Guidance* 11(1), 32–38) with GGM03S to degree and order 10.
@@ -18,7 +18,7 @@ const ORDERS: usize = DEGREE + 2;
 /// Length of a row of values by order: beyond [`ORDERS`] they are zero, so that rows can be read one order ahead.
 const ROW: usize = 16;
 
-/// GravityModel model of a scenario.
+/// Gravity model of a scenario.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum GravityModel {
     /// GGM03S to degree and order 10, and the Sun: the forces of BSK-RL.

@@ -3,6 +3,8 @@
 use serde_json::{Map, Value, json};
 
 use super::read::{ReadResult, list_of, member, number_of};
+use crate::tasking::constants::EARTH_RADIUS_M;
+use crate::tasking::setup::environment::{DEFAULT_STATIONS, StationPlace};
 
 /// Converts an older recording; one of the current format is returned as it is.
 ///
@@ -30,19 +32,13 @@ fn world_args(recording: &Value) -> ReadResult<Value> {
     if let Some(world) = recording.get("world_args_realized") {
         return Ok(world.clone());
     }
-    let station = |name: &str, lat: f64, long: f64, elev: f64| json!({"name": name, "lat": lat, "long": long, "elev": elev});
+    let stations = DEFAULT_STATIONS.map(|StationPlace { name, degrees, height_m }| {
+        json!({"name": name, "lat": degrees[0], "long": degrees[1], "elev": height_m})
+    });
     Ok(json!({
         "utc_init": member(member(recording, "initial")?, "utc_init")?,
-        "groundStationsData": [
-            station("Boulder", 40.009_971, -105.243_895, 1624.0),
-            station("Merritt", 28.3181, -80.6660, 0.9144),
-            station("Singapore", 1.3521, 103.8198, 15.0),
-            station("Weilheim", 47.8407, 11.1421, 563.0),
-            station("Santiago", -33.4489, -70.6693, 570.0),
-            station("Dongara", -29.2452, 114.9326, 34.0),
-            station("Hawaii", 19.8968, -155.5828, 9.0),
-        ],
-        "groundLocationPlanetRadius": crate::tasking::constants::EARTH_RADIUS_M,
+        "groundStationsData": stations,
+        "groundLocationPlanetRadius": EARTH_RADIUS_M,
         "gsMinimumElevation": 10.0_f64.to_radians(),
         "gsMaximumRange": -1,
     }))

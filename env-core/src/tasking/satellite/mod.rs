@@ -36,7 +36,7 @@ pub struct SatelliteSpec {
 /// Settings that the satellites of an episode share.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Environment {
-    /// GravityModel model of the orbits.
+    /// Gravity model of the orbits.
     pub gravity: GravityModel,
     /// True if thrusters deliver their whole impulse, false for Basilisk's rule.
     pub full_thrust: bool,
@@ -69,8 +69,7 @@ pub struct TaskedSatellite {
 }
 
 impl TaskedSatellite {
-    /// Creates a satellite at the start of an episode. `stations` are the planet-fixed positions of its ground stations, m, and
-    /// `station_elevation_rad` their minimum elevation.
+    /// Creates a satellite at the start of an episode. `stations` are its ground stations.
     #[must_use]
     pub fn new(spec: SatelliteSpec, environment: Environment, stations: LocationSet, sky: &Sky) -> Self {
         let args = &spec.args;

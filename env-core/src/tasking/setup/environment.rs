@@ -2,7 +2,9 @@
 
 use super::actions::ActionSpec;
 use crate::tasking::clock::TickLength;
+use crate::tasking::constants::EARTH_RADIUS_M;
 use crate::tasking::error::TaskingError;
+use crate::tasking::observation::property::Property;
 use crate::tasking::observation::spec::ObservationSpec;
 use crate::tasking::orbit::GravityModel;
 use crate::tasking::satellite::SatelliteSpec;
@@ -109,20 +111,33 @@ impl GroundStation {
     /// The seven stations of BSK-RL.
     #[must_use]
     pub fn defaults() -> Vec<Self> {
-        let radius = crate::tasking::constants::EARTH_RADIUS_M;
-        [
-            ("Boulder", [40.009_971, -105.243_895], 1624.0),
-            ("Merritt", [28.3181, -80.6660], 0.9144),
-            ("Singapore", [1.3521, 103.8198], 15.0),
-            ("Weilheim", [47.8407, 11.1421], 563.0),
-            ("Santiago", [-33.4489, -70.6693], 570.0),
-            ("Dongara", [-29.2452, 114.9326], 34.0),
-            ("Hawaii", [19.8968, -155.5828], 9.0),
-        ]
-        .map(|(name, degrees, height)| Self::at(name, degrees, height, radius))
-        .to_vec()
+        DEFAULT_STATIONS
+            .map(|station| Self::at(station.name, station.degrees, station.height_m, EARTH_RADIUS_M))
+            .to_vec()
     }
 }
+
+/// Place of a ground station.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StationPlace {
+    /// Name of the station.
+    pub name: &'static str,
+    /// Latitude and longitude, degrees.
+    pub degrees: [f64; 2],
+    /// Height above the spherical Earth, m.
+    pub height_m: f64,
+}
+
+/// The seven stations of BSK-RL.
+pub const DEFAULT_STATIONS: [StationPlace; 7] = [
+    StationPlace { name: "Boulder", degrees: [40.009_971, -105.243_895], height_m: 1624.0 },
+    StationPlace { name: "Merritt", degrees: [28.3181, -80.6660], height_m: 0.9144 },
+    StationPlace { name: "Singapore", degrees: [1.3521, 103.8198], height_m: 15.0 },
+    StationPlace { name: "Weilheim", degrees: [47.8407, 11.1421], height_m: 563.0 },
+    StationPlace { name: "Santiago", degrees: [-33.4489, -70.6693], height_m: 570.0 },
+    StationPlace { name: "Dongara", degrees: [-29.2452, 114.9326], height_m: 34.0 },
+    StationPlace { name: "Hawaii", degrees: [19.8968, -155.5828], height_m: 9.0 },
+];
 
 /// A rule that pays rewards.
 #[derive(Debug, Clone, PartialEq)]
@@ -139,7 +154,7 @@ pub enum Rewarder {
     /// Pays the change of a property of the satellite (`ResourceReward`).
     Resource {
         /// Property of the satellite.
-        property: crate::tasking::observation::property::Property,
+        property: Property,
         /// Reward for a unit of change.
         weight: f64,
     },
@@ -177,7 +192,7 @@ pub struct Setup {
     pub agents: Vec<AgentSetup>,
     /// Start of the episode.
     pub epoch: Epoch,
-    /// GravityModel model of the orbits.
+    /// Gravity model of the orbits.
     pub gravity: GravityModel,
     /// True if thrusters deliver their whole impulse, false for Basilisk's rule.
     pub full_thrust: bool,

@@ -3,7 +3,7 @@
 use super::arg_names::argument_names;
 use super::arg_value::{ArgReader, ArgValue};
 use super::models::{DynamicsModel, SoftwareModel};
-use crate::tasking::constants::{EARTH_MU, EARTH_RADIUS_M};
+use crate::tasking::constants::{EARTH_MU, EARTH_RADIUS_M, WHEEL_INERTIA_KG_M2};
 use crate::tasking::error::TaskingError;
 use crate::tasking::orbit::OrbitalElements;
 
@@ -284,8 +284,7 @@ impl SatelliteArgs {
             }
         }
         let inertia = self.inertia();
-        let wheel = crate::tasking::constants::WHEEL_INERTIA_KG_M2;
-        if inertia.iter().any(|axis| *axis <= 2.0 * wheel) {
+        if inertia.iter().any(|axis| *axis <= 2.0 * WHEEL_INERTIA_KG_M2) {
             return Err(TaskingError::invalid(
                 "mass",
                 "must give the body more inertia than its wheels",

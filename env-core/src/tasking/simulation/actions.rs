@@ -3,6 +3,7 @@
 use super::TaskingSim;
 use super::agent::{ActionKey, Agent, TimedEvent};
 use crate::tasking::access::OpportunityKind;
+use crate::tasking::clock::TickLength;
 use crate::tasking::error::TaskingError;
 use crate::tasking::orbit::Sky;
 use crate::tasking::satellite::software::Command;
@@ -116,7 +117,7 @@ impl Agent {
     }
 
     /// Applies an action at a time.
-    fn apply(&mut self, choice: Choice, now: u64, now_s: f64, tick: crate::tasking::clock::TickLength) {
+    fn apply(&mut self, choice: Choice, now: u64, now_s: f64, tick: TickLength) {
         let timed = |duration_s: f64| TimedEvent {
             tick: (duration_s < UNLIMITED_S).then(|| tick.first_tick_at(now_s + duration_s)).flatten(),
             window_close_s: None,

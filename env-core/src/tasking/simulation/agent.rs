@@ -6,6 +6,7 @@ use crate::tasking::error::TaskingError;
 use crate::tasking::observation::eclipse::EclipseForecast;
 use crate::tasking::orbit::{OrbitalElements, Sky};
 use crate::tasking::satellite::TaskedSatellite;
+use crate::tasking::setup::actions::SoftwareAction;
 use crate::tasking::setup::environment::{AgentSetup, GenerationTimes};
 
 /// Largest number of blocks that one search for opportunities computes.
@@ -15,7 +16,7 @@ const MAX_LOOK_AHEAD: usize = 100;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ActionKey {
     /// A function of the flight software.
-    Software(crate::tasking::setup::actions::SoftwareAction),
+    Software(SoftwareAction),
     /// The image of a target.
     Target(usize),
     /// The broadcast of known data.

@@ -3,6 +3,7 @@
 use super::TaskingSim;
 use crate::tasking::clock::TickLength;
 use crate::tasking::error::TaskingError;
+use crate::tasking::setup::actions::UNLIMITED_S;
 
 /// Tolerances with which BSK-RL compares the time of a timed event with the close of a window (`numpy.isclose`).
 const CLOSE_ABSOLUTE_S: f64 = 1e-9;
@@ -17,7 +18,7 @@ impl TaskingSim {
         let tick = self.setup.clock.tick;
         self.step_start = self.now;
         let max_step_s = self.setup.clock.max_step_s;
-        let is_limited = max_step_s < crate::tasking::setup::actions::UNLIMITED_S;
+        let is_limited = max_step_s < UNLIMITED_S;
         self.step_limit = is_limited.then(|| tick.first_tick_at(self.time_s() + max_step_s)).flatten();
         if self.process_events() {
             return Ok(true);

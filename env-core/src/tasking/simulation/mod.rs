@@ -13,13 +13,16 @@ pub mod run;
 pub mod step;
 pub mod target_set;
 
-use self::agent::Agent;
+use self::agent::{ActionKey, Agent};
 use self::target_set::TargetSet;
-use super::access::LocationSet;
+use super::access::{LocationSet, OpportunityList};
 use super::error::TaskingError;
 use super::orbit::Sky;
 use super::satellite::{Environment, TaskedSatellite};
-use super::setup::environment::{GroundStation, Setup, Target};
+use super::setup::actions::ActionSpec;
+use super::setup::environment::{
+    ClockSetup, Communicator, EnvironmentMode, GroundStation, Rewarder, Setup, Target,
+};
 
 pub use self::actions::AgentAction;
 pub use self::run::{RunSet, run_all, run_one};
@@ -52,11 +55,11 @@ pub struct TaskingSim {
 struct EpisodeRules {
     targets: Vec<Target>,
     stations: Vec<GroundStation>,
-    rewarders: Vec<super::setup::environment::Rewarder>,
-    communicator: super::setup::environment::Communicator,
-    clock: super::setup::environment::ClockSetup,
+    rewarders: Vec<Rewarder>,
+    communicator: Communicator,
+    clock: ClockSetup,
     failure_penalty: f64,
-    mode: super::setup::environment::EnvironmentMode,
+    mode: EnvironmentMode,
 }
 
 impl TaskingSim {
@@ -66,12 +69,12 @@ impl TaskingSim {
     /// Returns [`TaskingError`] if the parts of the set-up do not fit together.
     pub fn new(setup: Setup) -> Result<Self, TaskingError> {
         setup.check()?;
-        let mut sky = Sky::new(setup.epoch.tdb_s());
+        let sky = Sky::new(setup.epoch.tdb_s());
         let tick = setup.clock.tick;
         let environment = Environment { gravity: setup.gravity, full_thrust: setup.full_thrust, tick };
         let time_limit_s = (setup.clock.time_limit_s / tick.seconds()).ceil() * tick.seconds();
         let positions: Vec<_> = setup.targets.iter().map(|target| target.position).collect();
-        let hides_imaged = setup.rewarders == [super::setup::environment::Rewarder::UniqueImages];
+        let hides_imaged = setup.rewarders == [Rewarder::UniqueImages];
         let mut agents = Vec::with_capacity(setup.agents.len());
         for agent in setup.agents {
             let spec = agent.satellite.clone();
@@ -91,7 +94,7 @@ impl TaskingSim {
                 stations: setup.stations,
                 rewarders: setup.rewarders,
                 communicator: setup.communicator,
-                clock: super::setup::environment::ClockSetup { time_limit_s, ..setup.clock },
+                clock: ClockSetup { time_limit_s, ..setup.clock },
                 failure_penalty: setup.failure_penalty,
                 mode: setup.mode,
             },
@@ -101,13 +104,11 @@ impl TaskingSim {
             time_limit: time_limit_s.is_finite().then(|| tick.first_tick_at(time_limit_s)).flatten(),
             last_communication_s: 0.0,
             steps: 0,
-            sky: sky.clone(),
+            sky,
         };
-        sky = sim.sky.clone();
         for agent in &mut sim.agents {
-            agent.compute_initial(&mut sky)?;
+            agent.compute_initial(&mut sim.sky)?;
         }
-        sim.sky = sky;
         sim.log_resources();
         Ok(sim)
     }
@@ -174,21 +175,21 @@ impl TaskingSim {
 
     /// Opportunities of a satellite so far, in order, and the time up to which they are computed, s.
     #[must_use]
-    pub fn opportunities(&self, index: usize) -> &super::access::OpportunityList {
+    pub fn opportunities(&self, index: usize) -> &OpportunityList {
         &self.agents[index].opportunities
     }
 
     /// Number of actions of a satellite.
     #[must_use]
     pub fn action_count(&self, index: usize) -> usize {
-        self.agents[index].setup.actions.iter().map(super::setup::actions::ActionSpec::count).sum()
+        self.agents[index].setup.actions.iter().map(ActionSpec::count).sum()
     }
 
     /// Target of the last action of a satellite, if that was an image.
     #[must_use]
     pub fn tasked_target(&self, index: usize) -> Option<usize> {
         match self.agents[index].last_action {
-            Some(agent::ActionKey::Target(target)) => Some(target),
+            Some(ActionKey::Target(target)) => Some(target),
             _ => None,
         }
     }

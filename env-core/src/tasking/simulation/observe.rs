@@ -5,7 +5,7 @@ use super::agent::Agent;
 use crate::tasking::access::OpportunityKind;
 use crate::tasking::error::TaskingError;
 use crate::tasking::observation::opportunity::OpportunityView;
-use crate::tasking::observation::spec::ObservationItem;
+use crate::tasking::observation::spec::{ObservationItem, ObservationSpec};
 use crate::tasking::observation::view::SatelliteView;
 use crate::tasking::orbit::OrbitalElements;
 use crate::tasking::setup::environment::Rewarder;
@@ -54,9 +54,20 @@ impl TaskingSim {
     /// # Errors
     /// Returns [`TaskingError::NoOpportunity`] if it has no upcoming opportunity of an observed kind.
     pub fn observe(&mut self, index: usize, out: &mut Vec<f64>) -> Result<(), TaskingError> {
-        let items: Vec<ObservationItem> =
-            self.agents[index].setup.observation.items().iter().map(|(_, item)| item.clone()).collect();
-        for item in &items {
+        // The description is taken out for the time of the observation, which changes the agent.
+        let observation = std::mem::take(&mut self.agents[index].setup.observation);
+        let result = self.observe_items(index, &observation, out);
+        self.agents[index].setup.observation = observation;
+        result
+    }
+
+    fn observe_items(
+        &mut self,
+        index: usize,
+        observation: &ObservationSpec,
+        out: &mut Vec<f64>,
+    ) -> Result<(), TaskingError> {
+        for (_, item) in observation.items() {
             match item {
                 ObservationItem::Properties(properties) => self.with_view(index, |view| {
                     for entry in properties {

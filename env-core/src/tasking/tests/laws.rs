@@ -5,7 +5,7 @@ use crate::tasking::clock::TickLength;
 use crate::tasking::constants::WHEEL_INERTIA_KG_M2;
 use crate::tasking::satellite::TaskedSatellite;
 use crate::tasking::setup::environment::Rewarder;
-use crate::tasking::simulation::TaskingSim;
+use crate::tasking::simulation::{AgentAction, TaskingSim};
 use crate::tasking::tick::attitude::body_from_inertial;
 use crate::tasking::tick::dispatch::InstructionSet;
 use crate::tasking::vector3::{Vector3, norm, rotate_back, sub};
@@ -103,7 +103,7 @@ fn invalid_actions_change_nothing() {
     let mut sim = TaskingSim::new(setup).unwrap();
     let before = sim.state_hash();
     let set = InstructionSet::detect();
-    let last = crate::tasking::simulation::AgentAction::Index(1_000);
+    let last = AgentAction::Index(1_000);
     let error = sim.step(&[None, Some(last)], set).unwrap_err().to_string();
     assert!(error.contains("it must be from 0 to"), "{error}");
     assert!(
