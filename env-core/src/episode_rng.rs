@@ -105,11 +105,23 @@ pub trait EpisodeRng {
     fn peek_normals(&self, stream: RngStream) -> [f64; 2] {
         let mut uniform = [0.0; 2];
         self.peek(stream, &mut uniform);
-        // 1 − u is never zero, so its logarithm is finite.
-        let length = (-2.0 * libm::log(1.0 - uniform[0])).sqrt();
-        let (sin, cos) = libm::sincos(std::f64::consts::TAU * uniform[1]);
-        [length * cos, length * sin]
+        normals_of(uniform)
     }
+
+    /// Two independent standard normal draws, computed from the next two of `stream` (Box and Muller 1958).
+    fn normals(&mut self, stream: RngStream) -> [f64; 2] {
+        let mut uniform = [0.0; 2];
+        self.fill(stream, &mut uniform);
+        normals_of(uniform)
+    }
+}
+
+/// Two independent standard normal numbers of two uniform ones.
+fn normals_of(uniform: [f64; 2]) -> [f64; 2] {
+    // 1 − u is never zero, so its logarithm is finite.
+    let length = (-2.0 * libm::log(1.0 - uniform[0])).sqrt();
+    let (sin, cos) = libm::sincos(std::f64::consts::TAU * uniform[1]);
+    [length * cos, length * sin]
 }
 
 /// Draws that a scenario's seed determines.

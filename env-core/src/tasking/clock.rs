@@ -3,7 +3,7 @@
 use super::error::TaskingError;
 
 /// Length of a tick. Basilisk counts time in nanoseconds, so ticks have a whole number of them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct TickLength {
     nanoseconds: u64,
 }

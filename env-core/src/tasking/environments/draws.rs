@@ -19,15 +19,9 @@ fn whole(rng: &mut impl EpisodeRng, stream: RngStream, low: u32, high: u32) -> u
     (rng.uniform_in(stream, f64::from(low), f64::from(high)) as u32).min(high - 1)
 }
 
-/// Draws a vector of independent normal numbers with mean 0 and variance 1 (Box and Muller 1958).
+/// Draws a vector of independent standard normal numbers.
 pub(super) fn normal_vector(rng: &mut impl EpisodeRng, stream: RngStream) -> Vector3<f64> {
-    let mut pair = || {
-        // 1 − u is never zero, so its logarithm is finite.
-        let length = (-2.0 * libm::log(1.0 - rng.uniform(stream))).sqrt();
-        let (sin, cos) = libm::sincos(std::f64::consts::TAU * rng.uniform(stream));
-        [length * cos, length * sin]
-    };
-    let ([x, y], [z, _]) = (pair(), pair());
+    let ([x, y], [z, _]) = (rng.normals(stream), rng.normals(stream));
     [x, y, z]
 }
 

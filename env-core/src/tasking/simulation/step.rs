@@ -4,6 +4,7 @@ use super::TaskingSim;
 use super::actions::AgentAction;
 use super::communication::{Pair, StepTicks, communication_pairs, share_images};
 use super::rewards::{collect, rewards};
+use super::run::{run_all, run_one, run_traced};
 use crate::tasking::error::TaskingError;
 use crate::tasking::setup::environment::{EnvironmentMode, Rewarder};
 use crate::tasking::tick::dispatch::InstructionSet;
@@ -46,7 +47,11 @@ pub fn step_all(
             Err(error) => errors.push(Some(error)),
         }
     }
-    super::run::run_all(&mut running[..], set);
+    // The lanes of a block have ticks of one length.
+    running.sort_by_key(|episode| episode.setup.clock.tick);
+    for group in running.chunk_by_mut(|a, b| a.setup.clock.tick == b.setup.clock.tick) {
+        run_all(group, set);
+    }
     let finish = |(episode, error): (&mut TaskingSim, Option<TaskingError>)| match error {
         None => Ok(episode.finish_step()),
         Some(error) => Err(error),
@@ -67,7 +72,7 @@ impl TaskingSim {
     ) -> Result<StepResult, TaskingError> {
         self.give_actions(actions)?;
         if !self.begin_ticks()? {
-            super::run::run_one(self, set);
+            run_one(self, set);
         }
         Ok(self.finish_step())
     }
@@ -83,7 +88,7 @@ impl TaskingSim {
     ) -> Result<StepResult, TaskingError> {
         self.give_actions(actions)?;
         if !self.begin_ticks()? {
-            super::run::run_traced(self, observe);
+            run_traced(self, observe);
         }
         Ok(self.finish_step())
     }

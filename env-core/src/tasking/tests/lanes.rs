@@ -89,3 +89,15 @@ fn more_than_eight_satellites_have_the_bits_of_fewer_blocks() {
         InstructionSet::all().into_iter().map(|set| run_alone(std::slice::from_ref(&large), set)).collect();
     assert!(hashes.iter().all(|other| *other == hashes[0]));
 }
+
+#[test]
+fn episodes_with_ticks_of_different_lengths_share_a_batch() {
+    let mut mixed = setups(1.0, 1..=1);
+    mixed.truncate(4);
+    let mut others = setups(5.0, 1..=4);
+    others.truncate(4);
+    assert!(mixed.len() == 4 && others.len() == 4);
+    mixed = mixed.into_iter().zip(others).flat_map(|(one, five)| [one, five]).collect();
+    let set = InstructionSet::detect();
+    assert!(run_together(&mixed, set) == run_alone(&mixed, set));
+}
