@@ -172,7 +172,7 @@ impl SatelliteArgs {
         reader.vector("wheelSpeeds", &mut self.wheel_speeds_rpm)?;
         reader.number("maxWheelSpeed", &mut self.max_wheel_speed_rpm)?;
         reader.number("u_max", &mut self.u_max_n_m)?;
-        // The drag of the atmosphere is below 1e-16 of gravity at the supported heights.
+        // There is no drag: at 500 km the density of BSK-RL's atmosphere is 2e-27 kg/m³.
         reader.ignore(&["dragCoeff", "utc_init"]);
         Ok(())
     }
