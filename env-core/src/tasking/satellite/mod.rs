@@ -15,7 +15,7 @@ use super::access::{GroundTrack, LocationSet};
 use super::clock::TickLength;
 use super::constants::RAD_S_PER_RPM;
 use super::orbit::{GravityModel, Orbit, Sky};
-use super::setup::{DesatAttitude, DynamicsModel, InitialOrbit, SatelliteArgs, SoftwareModel};
+use super::setup::{DesatAttitude, DynamicsModel, SatelliteArgs, SoftwareModel};
 use super::tick::attitude::{Attitude, short_rotation};
 use super::tick::state::TickState;
 use super::vector3::{Vector3, norm, scale};
@@ -73,10 +73,7 @@ impl TaskedSatellite {
     #[must_use]
     pub fn new(spec: SatelliteSpec, environment: Environment, stations: LocationSet, sky: &Sky) -> Self {
         let args = &spec.args;
-        let (position, velocity) = match args.orbit {
-            InitialOrbit::Elements(elements) => elements.state(args.mu),
-            InitialOrbit::State(position, velocity) => (position, velocity),
-        };
+        let (position, velocity) = args.orbit.state(args.mu);
         let storage = if args.storage_init_bits > args.storage_capacity_bits {
             0.0
         } else {

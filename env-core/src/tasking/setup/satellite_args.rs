@@ -6,6 +6,10 @@ use super::models::{DynamicsModel, SoftwareModel};
 use crate::tasking::constants::{EARTH_MU, EARTH_RADIUS_M, WHEEL_INERTIA_KG_M2};
 use crate::tasking::error::TaskingError;
 use crate::tasking::orbit::OrbitalElements;
+use crate::tasking::vector3::{Vector3, norm};
+
+/// Least distance from the Earth's centre at which an orbit can start, m.
+const MIN_START_RADIUS_M: f64 = 1e6;
 
 /// Attitude while the wheels are desaturated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,6 +84,17 @@ pub struct SatelliteArgs {
     pub target_min_elevation_rad: f64,
     pub target_max_range_m: f64,
     pub link_max_range_m: f64,
+}
+
+impl InitialOrbit {
+    /// Position, m, and velocity, m/s, in the inertial frame, under a gravitational parameter in m³/s².
+    #[must_use]
+    pub fn state(&self, mu: f64) -> (Vector3<f64>, Vector3<f64>) {
+        match self {
+            Self::Elements(elements) => elements.state(mu),
+            Self::State(position, velocity) => (*position, *velocity),
+        }
+    }
 }
 
 impl SatelliteArgs {
@@ -278,10 +293,17 @@ impl SatelliteArgs {
             }
         }
         for (name, axis) in [("nHat_B", self.panel_normal), ("inst_pHat_B", self.instrument_axis)] {
-            let length = (axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]).sqrt();
-            if length < 0.1 {
+            if norm(&axis) < 0.1 {
                 return Err(TaskingError::invalid(name, "must be a unit vector", format!("{axis:?}")));
             }
+        }
+        let (position, velocity) = self.orbit.state(self.mu);
+        if !(norm(&position) >= MIN_START_RADIUS_M
+            && norm(&position).is_finite()
+            && norm(&velocity).is_finite())
+        {
+            let requirement = "must start at least 1000 km from the Earth's centre, at a finite speed";
+            return Err(TaskingError::invalid("oe", requirement, format!("{:?}", self.orbit)));
         }
         let inertia = self.inertia();
         if inertia.iter().any(|axis| *axis <= 2.0 * WHEEL_INERTIA_KG_M2) {

@@ -3,8 +3,10 @@
 use super::samples::{Draws, random_actions, recorded_setups, redraw};
 use crate::tasking::clock::TickLength;
 use crate::tasking::constants::WHEEL_INERTIA_KG_M2;
+use crate::tasking::orbit::OrbitalElements;
 use crate::tasking::satellite::TaskedSatellite;
 use crate::tasking::setup::environment::Rewarder;
+use crate::tasking::setup::{ArgValue, DynamicsModel, SatelliteArgs, SoftwareModel};
 use crate::tasking::simulation::{AgentAction, TaskingSim};
 use crate::tasking::tick::attitude::body_from_inertial;
 use crate::tasking::tick::dispatch::InstructionSet;
@@ -120,4 +122,31 @@ fn a_step_that_nothing_ends_is_an_error() {
     let mut sim = TaskingSim::new(setup).unwrap();
     let error = sim.step(&[None], InstructionSet::detect()).unwrap_err().to_string();
     assert!(error.starts_with("no event ends this step"), "{error}");
+}
+
+#[test]
+fn orbits_without_a_finite_start_are_rejected() {
+    let read = |values: Vec<(&str, ArgValue)>| {
+        SatelliteArgs::read(values, DynamicsModel::default(), SoftwareModel::default())
+    };
+    let elements = |semi_major_axis_m: f64, true_anomaly_rad: f64| {
+        ArgValue::Elements(OrbitalElements {
+            semi_major_axis_m,
+            eccentricity: 0.0,
+            inclination_rad: 0.8,
+            ascending_node_rad: 0.0,
+            periapsis_rad: 0.0,
+            true_anomaly_rad,
+        })
+    };
+    assert!(read(vec![("oe", elements(7e6, 0.0))]).is_ok());
+    for (axis, anomaly) in [(f64::NAN, 0.0), (-7e6, 0.0), (0.0, 0.0), (f64::INFINITY, 0.0), (7e6, f64::NAN)] {
+        let error = read(vec![("oe", elements(axis, anomaly))]).unwrap_err();
+        assert!(error.to_string().starts_with("`oe` must start at least 1000 km"), "{error}");
+    }
+    let state = |position: [f64; 3]| {
+        vec![("rN", ArgValue::Numbers(position.to_vec())), ("vN", ArgValue::Numbers(vec![0.0, 7e3, 0.0]))]
+    };
+    assert!(read(state([7e6, 0.0, 0.0])).is_ok());
+    assert!(read(state([0.0; 3])).is_err());
 }
