@@ -9,6 +9,10 @@ const DAY_S: f64 = 86_400.0;
 const CENTURY_S: f64 = DAY_S * 36_525.0;
 /// Rotation of the prime meridian at J2000, degrees.
 const MERIDIAN_DEG: f64 = 190.147;
+/// Motion of the pole's right ascension, degrees a century.
+const NODE_DEG_CENTURY: f64 = 0.641;
+/// Motion of the pole's declination, degrees a century.
+const TILT_DEG_CENTURY: f64 = 0.557;
 /// Rotation rate of the Earth, degrees a day.
 const RATE_DEG_DAY: f64 = 360.985_623_5;
 /// Rotation rate of the Earth, rad/s.
@@ -29,16 +33,7 @@ impl EarthFrame {
     /// Orientation at a barycentric dynamical time in seconds since J2000.
     #[must_use]
     pub fn at(tdb_s: f64) -> Self {
-        let centuries = tdb_s / CENTURY_S;
-        let (sin_node, cos_node) = libm::sincos((90.0 - 0.641 * centuries).to_radians());
-        let (sin_tilt, cos_tilt) = libm::sincos((0.557 * centuries).to_radians());
-        let (sin, cos) = libm::sincos(meridian_rad(tdb_s));
-        let equator = [
-            [cos_node, sin_node, 0.0],
-            [-cos_tilt * sin_node, cos_tilt * cos_node, sin_tilt],
-            [sin_tilt * sin_node, -sin_tilt * cos_node, cos_tilt],
-        ];
-        Self { equator, cos, sin }
+        EarthRotation::new(tdb_s).frame(0.0)
     }
 
     /// Rotation from the inertial to the planet-fixed frame.
@@ -64,6 +59,68 @@ impl EarthFrame {
             [0, 1, 2].map(|i| z * e[2][i]),
         ]
     }
+}
+
+/// The Earth's rotation in an episode.
+///
+/// The pole moves by 6e-9 of a revolution in a day, so that its angles are expanded to second order around the start.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EarthRotation {
+    start_tdb_s: f64,
+    /// Sine and cosine of the node of the equator at the start.
+    node: [f64; 2],
+    /// Sine and cosine of the tilt of the equator at the start.
+    tilt: [f64; 2],
+}
+
+impl EarthRotation {
+    /// Creates the rotation of an episode that starts at a barycentric dynamical time, s since J2000.
+    #[must_use]
+    pub fn new(start_tdb_s: f64) -> Self {
+        let centuries = start_tdb_s / CENTURY_S;
+        let pair = |angle: f64| {
+            let (sin, cos) = libm::sincos(angle);
+            [sin, cos]
+        };
+        Self {
+            start_tdb_s,
+            node: pair((90.0 - NODE_DEG_CENTURY * centuries).to_radians()),
+            tilt: pair((TILT_DEG_CENTURY * centuries).to_radians()),
+        }
+    }
+
+    /// Cosine and sine of the rotation of the prime meridian, after a time since the start, s.
+    #[must_use]
+    pub fn meridian(&self, seconds: f64) -> [f64; 2] {
+        let (sin, cos) = libm::sincos(meridian_rad(self.start_tdb_s + seconds));
+        [cos, sin]
+    }
+
+    /// Orientation after a time since the start, s.
+    #[must_use]
+    pub fn frame(&self, seconds: f64) -> EarthFrame {
+        self.frame_at(seconds, self.meridian(seconds))
+    }
+
+    /// Orientation after a time since the start, s, at which the meridian is known.
+    #[must_use]
+    pub fn frame_at(&self, seconds: f64, [cos, sin]: [f64; 2]) -> EarthFrame {
+        const RAD_S: f64 = std::f64::consts::PI / 180.0 / CENTURY_S;
+        let [sin_node, cos_node] = turned(self.node, -NODE_DEG_CENTURY * RAD_S * seconds);
+        let [sin_tilt, cos_tilt] = turned(self.tilt, TILT_DEG_CENTURY * RAD_S * seconds);
+        let equator = [
+            [cos_node, sin_node, 0.0],
+            [-cos_tilt * sin_node, cos_tilt * cos_node, sin_tilt],
+            [sin_tilt * sin_node, -sin_tilt * cos_node, cos_tilt],
+        ];
+        EarthFrame { equator, cos, sin }
+    }
+}
+
+/// Sine and cosine of an angle that changed by a small one, rad.
+fn turned([sin, cos]: [f64; 2], change: f64) -> [f64; 2] {
+    let shrink = 1.0 - 0.5 * change * change;
+    [sin * shrink + cos * change, cos * shrink - sin * change]
 }
 
 /// Rotation angle of the prime meridian, radians, below one revolution.

@@ -35,6 +35,14 @@ impl<S: Simd, const N: usize> Pack<S, N> {
         Self { simd, registers }
     }
 
+    /// The same lanes, followed by lanes that are zero.
+    #[inline(always)]
+    pub fn widened<const M: usize>(&self) -> Pack<S, M> {
+        let mut wide = Pack::<S, M>::splat(self.simd, 0.0);
+        wide.registers[..N].copy_from_slice(&self.registers);
+        wide
+    }
+
     /// Stores one number a lane.
     #[inline(always)]
     pub fn store(self, values: &mut [f64]) {

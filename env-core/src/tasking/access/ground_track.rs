@@ -27,7 +27,7 @@ impl GroundTrack {
         orbit.extend_to(seconds, sky);
         for index in self.nodes.len()..needed.min(orbit.nodes().len()) {
             let node = self.searched_node(&orbit.nodes()[index], orbit.basilisk_step_s(), sky);
-            let node = to_planet_fixed(&node, index as f64 * STEP_S, sky);
+            let node = to_planet_fixed(&node, index, sky);
             let radius = norm(&node.position);
             self.max_radius_m = self.max_radius_m.max(radius);
             self.nodes.push(node);
@@ -83,10 +83,10 @@ impl GroundTrack {
     }
 }
 
-/// State of a node relative to the turning Earth (Vallado 2013, eq. 3-57 and its derivative).
-fn to_planet_fixed(node: &OrbitNode, seconds: f64, sky: &Sky) -> OrbitNode {
+/// State of the node of an index relative to the turning Earth (Vallado 2013, eq. 3-57 and its derivative).
+fn to_planet_fixed(node: &OrbitNode, index: usize, sky: &Sky) -> OrbitNode {
     const RATE: f64 = EARTH_RATE_RAD_S;
-    let matrix = sky.earth(seconds).planet_from_inertial();
+    let matrix = sky.earth_at_node(index).planet_from_inertial();
     let position = rotate(&matrix, &node.position);
     let turned: Vector3<f64> = rotate(&matrix, &node.velocity);
     let velocity = [turned[0] + RATE * position[1], turned[1] - RATE * position[0], turned[2]];

@@ -45,7 +45,8 @@ pub struct Opportunity {
 /// Opportunities of a satellite in the order of their close.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct OpportunityList {
-    items: Vec<Opportunity>,
+    /// Opportunities by kind.
+    items: [Vec<Opportunity>; 2],
     /// Time up to which opportunities are computed, s.
     computed_s: f64,
 }
@@ -53,8 +54,10 @@ pub struct OpportunityList {
 impl OpportunityList {
     /// All opportunities so far, in order.
     #[must_use]
-    pub fn all(&self) -> &[Opportunity] {
-        &self.items
+    pub fn all(&self) -> Vec<Opportunity> {
+        let mut all = self.items.concat();
+        all.sort_by(|a, b| a.close_s.total_cmp(&b.close_s));
+        all
     }
 
     /// Time up to which opportunities are computed, s.
@@ -63,11 +66,11 @@ impl OpportunityList {
         self.computed_s
     }
 
-    /// Opportunities that have not closed at a time, s.
+    /// Opportunities of a kind that have not closed at a time, s.
     #[must_use]
-    pub fn upcoming(&self, now_s: f64) -> &[Opportunity] {
-        let first = self.items.partition_point(|item| item.close_s < now_s + CLOSED_TOLERANCE_S);
-        &self.items[first..]
+    pub fn upcoming(&self, kind: OpportunityKind, now_s: f64) -> &[Opportunity] {
+        let items = &self.items[kind as usize];
+        &items[items.partition_point(|item| item.close_s < now_s + CLOSED_TOLERANCE_S)..]
     }
 
     /// End of the block that a computation of `duration_s` more would fill, s; `None` if it computes nothing.
@@ -85,35 +88,33 @@ impl OpportunityList {
     /// Adds the block up to `end_s` of location sets, which must be searched to that time along the track.
     pub fn add_block(&mut self, end_s: f64, sets: &[(OpportunityKind, &LocationSet)], track: &GroundTrack) {
         let block = SearchBlock { start_s: self.computed_s, end_s, track };
-        let mut added = Vec::new();
         for (kind, set) in sets {
-            let first = added.len();
             let windows = set.closed_windows().iter().copied().chain(set.open_windows());
-            added.extend(windows.filter_map(|window| block.cut(*kind, set, &window)));
+            let mut added: Vec<Opportunity> =
+                windows.filter_map(|window| block.cut(*kind, set, &window)).collect();
             // BSK-RL computes location by location, and the windows of each in order of time.
-            added[first..]
-                .sort_by(|a: &Opportunity, b| a.object.cmp(&b.object).then(a.open_s.total_cmp(&b.open_s)));
-        }
-        for item in added {
-            self.insert(item, block.start_s);
+            added.sort_by(|a, b| a.object.cmp(&b.object).then(a.open_s.total_cmp(&b.open_s)));
+            let items = &mut self.items[*kind as usize];
+            for item in added {
+                join_or_push(items, item, block.start_s);
+            }
+            // The sort is stable: a new opportunity comes after those that close at the same time.
+            items.sort_by(|a, b| a.close_s.total_cmp(&b.close_s));
         }
         self.computed_s = end_s;
     }
+}
 
-    /// Inserts an opportunity after those that close earlier or at the same time. One that begins with the block is joined
-    /// with the part that ended there.
-    fn insert(&mut self, mut item: Opportunity, block_start_s: f64) {
-        if item.open_s == block_start_s {
-            let earlier = self.items.iter().position(|other| {
-                other.kind == item.kind && other.object == item.object && other.close_s == item.open_s
-            });
-            if let Some(index) = earlier {
-                item.open_s = self.items.remove(index).open_s;
-            }
+/// Appends an opportunity. One that begins with the block is joined with the part that ended there.
+fn join_or_push(items: &mut Vec<Opportunity>, mut item: Opportunity, block_start_s: f64) {
+    if item.open_s == block_start_s {
+        let earlier =
+            items.iter().position(|other| other.object == item.object && other.close_s == item.open_s);
+        if let Some(index) = earlier {
+            item.open_s = items.remove(index).open_s;
         }
-        let place = self.items.partition_point(|other| other.close_s <= item.close_s);
-        self.items.insert(place, item);
     }
+    items.push(item);
 }
 
 /// A block of time.

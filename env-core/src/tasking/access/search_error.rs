@@ -1,15 +1,16 @@
 //! The error of the trajectory that BSK-RL searches for windows, which Basilisk integrates with steps of 30 s: 60 m in an orbit
-//! (see [`stretch_acceleration`]).
+//! (see [`stretch_acceleration`](crate::tasking::orbit::gravity::stretch_acceleration)).
 //!
 //! The ends of windows end steps, so that their error decides whether a step is a second longer. The error hardly depends on other
 //! perturbations: it is the difference of two orbits about a point mass with the same start, one with the error of 30 s and one
-//! with that of a tick, turned into the Hill frame of the true orbit.
+//! with that of a tick, turned into the Hill frame of the true orbit. The first one is an orbit with the mean attraction of a step,
+//! and with the error that the Runge–Kutta method makes in a step, which hardly changes within minutes.
 
 use crate::tasking::constants::EARTH_MU;
 use crate::tasking::earth::EARTH_RATE_RAD_S;
 use crate::tasking::orbit::OrbitNode;
 use crate::tasking::orbit::dop853::{OrbitState, dop853_step};
-use crate::tasking::orbit::gravity::stretch_acceleration;
+use crate::tasking::orbit::gravity::mean_stretch;
 use crate::tasking::orbit::propagator::STEP_S;
 use crate::tasking::vector3::{Matrix3, Vector3, add, cross, dot, norm, rotate, rotate_back, scale, sub};
 
@@ -20,7 +21,7 @@ const SPAN_S: f64 = NODES_PER_SPAN as f64 * STEP_S;
 /// Step of BSK-RL's trajectory, s.
 const INTEGRATED_STEP_S: f64 = 30.0;
 /// Steps of BSK-RL's trajectory between two computed differences.
-const STEPS_PER_SPAN: usize = (SPAN_S / INTEGRATED_STEP_S) as usize;
+const STEPS_PER_SPAN: f64 = SPAN_S / INTEGRATED_STEP_S;
 
 /// Two orbits about a point mass from the same start: as the trajectory is integrated, and as the satellite moves.
 #[derive(Debug, Clone, PartialEq)]
@@ -70,13 +71,44 @@ impl SearchError {
     /// Advances both orbits by a span.
     fn compute_span(&mut self) {
         let stretch = |time: f64| EARTH_RATE_RAD_S * time * (EARTH_RATE_RAD_S * time);
-        for _ in 0..STEPS_PER_SPAN {
-            let rate = |time: f64, state: &OrbitState| derivative(state, &self.equator, stretch(time));
-            self.integrated = rk4_step(&self.integrated, INTEGRATED_STEP_S, rate);
+        let rate = |time: f64, state: &OrbitState| derivative(state, &self.equator, stretch(time));
+        let stepped = rk4_step(&self.integrated, INTEGRATED_STEP_S, rate);
+        let ends = self.exact_ends();
+        let (from, to) = (hill_axes(&ends[2]), hill_axes(&ends[0]));
+        self.integrated = ends[0];
+        self.exact = ends[1];
+        for first in [0, 3] {
+            let error = sub(&part(&stepped, first), &part(&ends[2], first));
+            let error = rotate_back(&to, &rotate(&from, &error));
+            (0..3).for_each(|i| self.integrated[first + i] += STEPS_PER_SPAN * error[i]);
         }
-        let mean = stretch(self.basilisk_step_s) / 3.0;
-        self.exact = dop853_step(&self.exact, SPAN_S, |_, state| derivative(state, &self.equator, mean));
         self.span = [self.span[1], HillDifference::of(&self.integrated, &self.exact)];
+    }
+
+    /// States without the error of the Runge–Kutta method: of the integrated and the exact orbit after a span, and of the integrated
+    /// one after one of its steps. The processor computes the three side by side.
+    fn exact_ends(&self) -> [OrbitState; 3] {
+        const DIM: usize = 6;
+        let of_step = mean_stretch(INTEGRATED_STEP_S);
+        let stretches = [of_step, mean_stretch(self.basilisk_step_s), of_step];
+        let speeds = [1.0, 1.0, INTEGRATED_STEP_S / SPAN_S];
+        let orbit = |all: &[f64; 3 * DIM], index: usize| -> OrbitState {
+            std::array::from_fn(|i| all[DIM * index + i])
+        };
+        let mut all = [0.0; 3 * DIM];
+        for (state, start) in all.chunks_exact_mut(DIM).zip([&self.integrated, &self.exact, &self.integrated])
+        {
+            state.copy_from_slice(start);
+        }
+        let ends = dop853_step(&all, SPAN_S, |_, all| {
+            let mut rates = [0.0; 3 * DIM];
+            for index in 0..3 {
+                let rate = derivative(&orbit(all, index), &self.equator, stretches[index]);
+                (0..DIM).for_each(|i| rates[DIM * index + i] = speeds[index] * rate[i]);
+            }
+            rates
+        });
+        [0, 1, 2].map(|index| orbit(&ends, index))
     }
 
     /// The node of the searched trajectory that belongs to a node of the true orbit.
@@ -119,7 +151,6 @@ impl SearchError {
 
 impl HillDifference {
     fn of(integrated: &OrbitState, exact: &OrbitState) -> Self {
-        let part = |state: &OrbitState, first: usize| [state[first], state[first + 1], state[first + 2]];
         let (r, v) = (part(exact, 0), part(exact, 3));
         let frame = hill_frame(&r, &v);
         let position = rotate(&frame, &sub(&part(integrated, 0), &r));
@@ -128,6 +159,16 @@ impl HillDifference {
         let rate = [velocity[0] + turn * position[1], velocity[1] - turn * position[0], velocity[2]];
         Self { position, rate, turn }
     }
+}
+
+/// Three components of a state: its position from index 0, or its velocity from index 3.
+const fn part(state: &OrbitState, first: usize) -> Vector3<f64> {
+    [state[first], state[first + 1], state[first + 2]]
+}
+
+/// Axes of the Hill frame of a state.
+fn hill_axes(state: &OrbitState) -> Matrix3<f64> {
+    hill_frame(&part(state, 0), &part(state, 3))
 }
 
 /// Axes of the Hill frame: radial, along track, orbit normal.
@@ -141,10 +182,14 @@ fn hill_frame(position: &Vector3<f64>, velocity: &Vector3<f64>) -> Matrix3<f64> 
 /// Motion about a point mass whose attraction is computed at a stretched position.
 fn derivative(state: &OrbitState, equator: &Matrix3<f64>, stretch: f64) -> OrbitState {
     let [x, y, z, vx, vy, vz] = *state;
-    let square = x * x + y * y + z * z;
-    let factor = -EARTH_MU / (square * square.sqrt());
-    let [ax, ay, az] = stretch_acceleration(&[x, y, z], equator, stretch);
-    [vx, vy, vz, factor * x + ax, factor * y + ay, factor * z + az]
+    let (position, pole) = ([x, y, z], &equator[2]);
+    let square = dot(&position, &position);
+    let inverse = 1.0 / square;
+    let strength = -EARTH_MU * (inverse * inverse * square.sqrt());
+    let height = dot(pole, &position);
+    let along = strength * (1.0 + stretch * (1.0 - 1.5 * (1.0 - height * height * inverse)));
+    let up = strength * stretch * height;
+    [vx, vy, vz, along * x - up * pole[0], along * y - up * pole[1], along * z - up * pole[2]]
 }
 
 /// One step of the classical Runge–Kutta method. The derivative takes the time since the start of the step, s.

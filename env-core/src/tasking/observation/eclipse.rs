@@ -1,11 +1,12 @@
 //! The next eclipse, as BSK-RL's `TrajectorySimulator` finds it: sampled every 30 s, one sample late. Transitions on the seam of two
 //! searches are lost.
 
+use crate::tasking::orbit::propagator::STEP_S;
 use crate::tasking::orbit::{Orbit, Sky};
 use crate::tasking::satellite::eclipse::illumination;
 
 /// Time between two samples, s.
-const SAMPLE_S: f64 = 30.0;
+const SAMPLE_S: f64 = 0.5 * STEP_S;
 /// Time by which each further search extends, s.
 const SEARCH_S: f64 = 6000.0;
 /// Largest number of searches.
@@ -39,8 +40,8 @@ impl EclipseForecast {
             let is_lit = match self.samples.len() {
                 0 => true,
                 sample => {
-                    let time = (sample - 1) as f64 * SAMPLE_S;
-                    illumination(&orbit.arc(time).position(time), &sky.sun(time)) > 0.0
+                    let position = orbit.half_arc_position(sample - 1);
+                    illumination(&position, &sky.sun((sample - 1) as f64 * SAMPLE_S)) > 0.0
                 }
             };
             self.samples.push(is_lit);
@@ -50,7 +51,8 @@ impl EclipseForecast {
     /// Start and end of the next eclipse after a time, s; not necessarily of the same one.
     pub fn next(&mut self, now_s: f64, orbit: &mut Orbit, sky: &mut Sky) -> [f64; 2] {
         for search in 0..SEARCHES {
-            let next = |times: &[f64]| times.iter().copied().find(|time| *time > now_s);
+            // Both lists are in order of time.
+            let next = |times: &[f64]| times.get(times.partition_point(|time| *time <= now_s)).copied();
             if let (Some(start), Some(end)) = (next(&self.starts), next(&self.ends)) {
                 return [start, end];
             }

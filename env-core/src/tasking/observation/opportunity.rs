@@ -105,14 +105,14 @@ impl OpportunityProperty {
                 return;
             }
             Self::HillPosition => {
-                let inertial = rotate_back(&view.planet, &object.position);
+                let inertial = rotate_back(&view.moment.planet, &object.position);
                 let relative = rotate(&view.hill(), &sub(&inertial, &view.state.position));
                 out.extend(relative.map(|x| x / divisor));
                 return;
             }
-            Self::Open => open_s - view.time_s,
-            Self::Middle => (open_s + close_s) / 2.0 - view.time_s,
-            Self::Close => close_s - view.time_s,
+            Self::Open => open_s - view.moment.time_s,
+            Self::Middle => (open_s + close_s) / 2.0 - view.moment.time_s,
+            Self::Close => close_s - view.moment.time_s,
             Self::Angle => angle(view, &object.position),
             Self::AngleRate => angle_rate(view, &object.position),
         };
@@ -122,14 +122,13 @@ impl OpportunityProperty {
 
 /// Angle between the instrument and a planet-fixed position, rad.
 fn angle(view: &SatelliteView<'_>, position: &Vector3<f64>) -> f64 {
-    let to_object = sub(position, &view.planet_position());
-    let instrument = rotate(&view.planet, &view.instrument());
-    libm::acos((dot(&to_object, &instrument) / norm(&to_object)).clamp(-1.0, 1.0))
+    let to_object = sub(position, &view.moment.planet_position);
+    libm::acos((dot(&to_object, &view.moment.instrument_fixed) / norm(&to_object)).clamp(-1.0, 1.0))
 }
 
 /// Rate of the frame that points at a planet-fixed position, relative to the body, rad/s.
 fn angle_rate(view: &SatelliteView<'_>, position: &Vector3<f64>) -> f64 {
-    let to_object = sub(position, &view.planet_position());
+    let to_object = sub(position, &view.moment.planet_position);
     let turn = cross(&planet_velocity(view), &to_object);
     norm(&sub(&planet_body_rate(view), &scale(&turn, 1.0 / dot(&to_object, &to_object))))
 }

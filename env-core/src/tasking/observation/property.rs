@@ -97,13 +97,13 @@ impl Property {
         let state = view.state;
         match self {
             Self::SigmaBn => out.extend(state.attitude.sigma),
-            Self::Bn => extend_matrix(out, &view.body()),
+            Self::Bn => extend_matrix(out, &view.moment.body),
             Self::OmegaBnB => out.extend(state.attitude.omega),
-            Self::Bp => extend_matrix(out, &view.body().map(|row| rotate(&view.planet, &row))),
+            Self::Bp => extend_matrix(out, &view.moment.body.map(|row| rotate(&view.moment.planet, &row))),
             Self::Hn => extend_matrix(out, &view.hill()),
             Self::RBnN => out.extend(state.position),
-            Self::RBnP => out.extend(view.planet_position()),
-            Self::VBnN => out.extend(view.velocity),
+            Self::RBnP => out.extend(view.moment.planet_position),
+            Self::VBnN => out.extend(view.moment.velocity),
             Self::VBnP => out.extend(planet_velocity(view)),
             Self::OmegaBpP => out.extend(planet_body_rate(view)),
             Self::OmegaBhH => out.extend(hill_body_rate(view)),
@@ -116,15 +116,17 @@ impl Property {
             }
             Self::StorageLevel => out.push(view.stored_bits),
             Self::StorageLevelFraction => out.push(view.stored_bits / view.spec.args.storage_capacity_bits),
-            Self::CHatP => out.extend(rotate(&view.planet, &view.instrument())),
-            Self::CHatH => out.extend(rotate(&view.hill(), &view.instrument())),
+            Self::CHatP => out.extend(view.moment.instrument_fixed),
+            Self::CHatH => out.extend(rotate(&view.hill(), &view.moment.instrument)),
             Self::InstrumentPointingError => {
                 let down = scale(&state.position, -1.0 / norm(&state.position));
-                out.push(libm::acos(dot(&down, &view.instrument()).clamp(-1.0, 1.0)));
+                out.push(libm::acos(dot(&down, &view.moment.instrument).clamp(-1.0, 1.0)));
             }
             Self::SolarPointingError => {
-                let panel = rotate_back(&view.body(), &view.spec.args.panel_normal);
-                out.push(libm::acos((dot(&panel, &view.sun) / norm(&view.sun)).clamp(-1.0, 1.0)));
+                let panel = rotate_back(&view.moment.body, &view.spec.args.panel_normal);
+                out.push(libm::acos(
+                    (dot(&panel, &view.moment.sun) / norm(&view.moment.sun)).clamp(-1.0, 1.0),
+                ));
             }
             _ => out.push(self.orbital(view)),
         }
@@ -133,10 +135,10 @@ impl Property {
     /// Value of a property of the orbit.
     fn orbital(self, view: &SatelliteView<'_>) -> f64 {
         if self == Self::BetaAngle {
-            let momentum = cross(&view.state.position, &view.velocity);
-            return libm::acos(dot(&momentum, &view.sun) / (norm(&momentum) * norm(&view.sun)));
+            let momentum = cross(&view.state.position, &view.moment.velocity);
+            return libm::acos(dot(&momentum, &view.moment.sun) / (norm(&momentum) * norm(&view.moment.sun)));
         }
-        let elements = &view.elements;
+        let elements = &view.moment.elements;
         match self {
             Self::SemiMajorAxis => elements.semi_major_axis_m,
             Self::Eccentricity => elements.eccentricity,
@@ -155,17 +157,17 @@ fn extend_matrix(out: &mut Vec<f64>, matrix: &Matrix3<f64>) {
 /// Velocity relative to the planet in the planet-fixed frame, m/s.
 pub(super) fn planet_velocity(view: &SatelliteView<'_>) -> Vector3<f64> {
     let transport = cross(&view.planet_rate(), &view.state.position);
-    rotate(&view.planet, &sub(&view.velocity, &transport))
+    rotate(&view.moment.planet, &sub(&view.moment.velocity, &transport))
 }
 
 /// Angular velocity relative to the planet in the planet-fixed frame, rad/s.
 pub(super) fn planet_body_rate(view: &SatelliteView<'_>) -> Vector3<f64> {
-    rotate(&view.planet, &sub(&view.body_rate(), &view.planet_rate()))
+    rotate(&view.moment.planet, &sub(&view.body_rate(), &view.planet_rate()))
 }
 
 /// Angular velocity relative to the Hill frame in that frame, rad/s.
 fn hill_body_rate(view: &SatelliteView<'_>) -> Vector3<f64> {
     let hill = view.hill();
-    let rate = dot(&view.velocity, &hill[1]) / norm(&view.state.position);
+    let rate = dot(&view.moment.velocity, &hill[1]) / norm(&view.state.position);
     rotate(&hill, &sub(&view.body_rate(), &scale(&hill[2], rate)))
 }

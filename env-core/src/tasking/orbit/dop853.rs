@@ -151,13 +151,13 @@ const B: [f64; STAGES] = [
     0.044_710_615_727_772_59,
 ];
 
-/// Advances a state by `step` seconds. `derivative` takes the time since the start of the step, s.
-pub fn dop853_step(
-    state: &OrbitState,
+/// Advances a state of `N` numbers by `step` seconds. `derivative` takes the time since the start of the step, s.
+pub fn dop853_step<const N: usize>(
+    state: &[f64; N],
     step: f64,
-    derivative: impl Fn(f64, &OrbitState) -> OrbitState,
-) -> OrbitState {
-    let mut stages = [[0.0; 6]; STAGES];
+    derivative: impl Fn(f64, &[f64; N]) -> [f64; N],
+) -> [f64; N] {
+    let mut stages = [[0.0; N]; STAGES];
     for i in 0..STAGES {
         let mut at = *state;
         for (weight, stage) in A[i].iter().zip(&stages[..i]) {

@@ -6,9 +6,10 @@
 
 use super::dop853::{OrbitState, dop853_step};
 use super::gravity::GravityModel;
-use crate::tasking::earth::EarthFrame;
+use crate::tasking::constants::EARTH_MU;
+use crate::tasking::earth::{EARTH_RATE_RAD_S, EarthFrame, EarthRotation};
 use crate::tasking::sun::{NODE_S, SunArc};
-use crate::tasking::vector3::Vector3;
+use crate::tasking::vector3::{Vector3, add, dot, scale, sub};
 
 /// Seconds between two nodes of an orbit.
 pub const STEP_S: f64 = 60.0;
@@ -24,6 +25,9 @@ const CORRECTOR: [f64; ORDER] =
 const DENOMINATOR: f64 = 120_960.0;
 /// Seconds that one arc of the Sun covers.
 const ARC_S: f64 = 2.0 * NODE_S;
+
+/// Nodes whose meridian is turned from the node before, so that rounding errors do not add up.
+const TURNED_NODES: usize = 32;
 
 /// State of the orbit at a node.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,6 +56,11 @@ impl OrbitNode {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sky {
     start_tdb_s: f64,
+    rotation: EarthRotation,
+    /// Cosine and sine of the Earth's rotation between two nodes.
+    node_turn: [f64; 2],
+    /// Cosine and sine of the prime meridian's rotation at the nodes of orbits.
+    meridians: Vec<[f64; 2]>,
     arcs: Vec<SunArc>,
 }
 
@@ -59,11 +68,30 @@ impl Sky {
     /// Creates the sky of an episode that starts at a barycentric dynamical time, s since J2000.
     #[must_use]
     pub fn new(start_tdb_s: f64) -> Self {
-        Self { start_tdb_s, arcs: vec![SunArc::starting_at(start_tdb_s)] }
+        let (turn_sin, turn_cos) = libm::sincos(EARTH_RATE_RAD_S * STEP_S);
+        Self {
+            start_tdb_s,
+            rotation: EarthRotation::new(start_tdb_s),
+            node_turn: [turn_cos, turn_sin],
+            meridians: Vec::new(),
+            arcs: vec![SunArc::starting_at(start_tdb_s)],
+        }
     }
 
-    /// Computes the Sun up to a time.
+    /// Computes the sky up to a time, s.
     pub fn extend_to(&mut self, seconds: f64) {
+        let nodes = (seconds / STEP_S).ceil() as usize + 1;
+        while self.meridians.len() < nodes {
+            let node = self.meridians.len();
+            let meridian = match self.meridians.last() {
+                Some([cos, sin]) if !node.is_multiple_of(TURNED_NODES) => {
+                    let [turn_cos, turn_sin] = self.node_turn;
+                    [cos * turn_cos - sin * turn_sin, sin * turn_cos + cos * turn_sin]
+                }
+                _ => self.rotation.meridian(node as f64 * STEP_S),
+            };
+            self.meridians.push(meridian);
+        }
         while self.arcs.len() as f64 * ARC_S < seconds {
             let start = self.start_tdb_s + self.arcs.len() as f64 * ARC_S;
             self.arcs.push(SunArc::starting_at(start));
@@ -80,7 +108,13 @@ impl Sky {
     /// Orientation of the Earth.
     #[must_use]
     pub fn earth(&self, seconds: f64) -> EarthFrame {
-        EarthFrame::at(self.start_tdb_s + seconds)
+        self.rotation.frame(seconds)
+    }
+
+    /// Orientation of the Earth at a node of orbits. The sky must extend to it.
+    #[must_use]
+    pub fn earth_at_node(&self, node: usize) -> EarthFrame {
+        self.rotation.frame_at(node as f64 * STEP_S, self.meridians[node])
     }
 }
 
@@ -140,6 +174,23 @@ impl Orbit {
         HermiteArc::new(index as f64 * STEP_S, &self.nodes[index], &self.nodes[index + 1])
     }
 
+    /// Position after a number of halves of [`STEP_S`]: that of a node, or the middle of an arc. The orbit must extend to it.
+    #[must_use]
+    pub fn half_arc_position(&self, halves: usize) -> Vector3<f64> {
+        const VELOCITY: f64 = STEP_S / 32.0 * 5.0;
+        const ACCELERATION: f64 = STEP_S * STEP_S / 64.0;
+        let from = &self.nodes[halves / 2];
+        if halves.is_multiple_of(2) {
+            return from.position;
+        }
+        let to = &self.nodes[halves / 2 + 1];
+        [0, 1, 2].map(|i| {
+            0.5 * (from.position[i] + to.position[i])
+                + VELOCITY * (from.velocity[i] - to.velocity[i])
+                + ACCELERATION * (from.acceleration[i] + to.acceleration[i])
+        })
+    }
+
     /// Acceleration at a state.
     fn acceleration(&self, state: &OrbitState, frame: &EarthFrame, sun: &Vector3<f64>) -> Vector3<f64> {
         self.gravity.acceleration(&[state[0], state[1], state[2]], frame, sun, self.basilisk_step_s)
@@ -158,9 +209,11 @@ impl Orbit {
     }
 
     /// The next node by one step of the multistep method: predict, evaluate, correct, evaluate.
+    ///
+    /// The corrector moves the satellite by less than a millimetre, over which only the attraction of a point mass changes.
     fn next_node(&self, sky: &Sky) -> OrbitNode {
-        let time = self.nodes.len() as f64 * STEP_S;
-        let (frame, sun) = (sky.earth(time), sky.sun(time));
+        let index = self.nodes.len();
+        let (frame, sun) = (sky.earth_at_node(index), sky.sun(index as f64 * STEP_S));
         let recent = &self.nodes[self.nodes.len() - ORDER..];
         let last = recent[ORDER - 1].state();
         let mut predicted = last;
@@ -174,7 +227,11 @@ impl Orbit {
         {
             accumulate(&mut corrected, *weight, &derivative);
         }
-        self.node_from(&corrected, &frame, &sun)
+        let [x, y, z, vx, vy, vz] = corrected;
+        let position = [x, y, z];
+        let change = sub(&point_attraction(&position), &point_attraction(&predicted.position));
+        let acceleration = add(&predicted.acceleration, &change);
+        OrbitNode { position, velocity: [vx, vy, vz], acceleration }
     }
 
     fn node_from(&self, state: &OrbitState, frame: &EarthFrame, sun: &Vector3<f64>) -> OrbitNode {
@@ -182,6 +239,12 @@ impl Orbit {
         let acceleration = self.acceleration(state, frame, sun);
         OrbitNode { position: [x, y, z], velocity: [vx, vy, vz], acceleration }
     }
+}
+
+/// Attraction of the Earth as a point mass, m/s².
+fn point_attraction(position: &Vector3<f64>) -> Vector3<f64> {
+    let square = dot(position, position);
+    scale(position, -EARTH_MU / (square * square.sqrt()))
 }
 
 /// Adds a derivative with a weight of the method to a state.
@@ -204,15 +267,18 @@ impl HermiteArc {
     #[must_use]
     pub fn new(start_s: f64, from: &OrbitNode, to: &OrbitNode) -> Self {
         const H: f64 = STEP_S;
+        const PER_S: f64 = 1.0 / H;
+        const PER_S2: f64 = PER_S * PER_S;
+        const PER_S3: f64 = PER_S2 * PER_S;
         let coefficients = [0, 1, 2].map(|i| {
             let (r, v, a) = (from.position[i], from.velocity[i], from.acceleration[i]);
-            // Errors of the parabola through the first node at the second one.
-            let position = to.position[i] - (r + H * (v + H * (0.5 * a)));
+            // Errors of the parabola through the first node at the second one, as velocities.
+            let position = (to.position[i] - (r + H * (v + H * (0.5 * a)))) * PER_S;
             let velocity = to.velocity[i] - (v + H * a);
-            let acceleration = to.acceleration[i] - a;
-            let cubic = (10.0 * position / H - 4.0 * velocity + 0.5 * H * acceleration) / (H * H);
-            let quartic = (-15.0 * position / H + 7.0 * velocity - H * acceleration) / (H * H * H);
-            let quintic = (6.0 * position / H - 3.0 * velocity + 0.5 * H * acceleration) / (H * H * H * H);
+            let acceleration = (to.acceleration[i] - a) * H;
+            let cubic = (10.0 * position - 4.0 * velocity + 0.5 * acceleration) * PER_S2;
+            let quartic = (-15.0 * position + 7.0 * velocity - acceleration) * PER_S3;
+            let quintic = (6.0 * position - 3.0 * velocity + 0.5 * acceleration) * (PER_S3 * PER_S);
             [r, v, 0.5 * a, cubic, quartic, quintic]
         });
         Self { start_s, coefficients }

@@ -299,8 +299,7 @@ pub(super) fn compare_opportunities(
             tally.add_mismatch(format!("windows of {name} reach {} s, recorded {end} s", ours.computed_s()));
             continue;
         }
-        let mut items: Vec<Opportunity> =
-            ours.all().iter().filter(|item| item.open_s < end).copied().collect();
+        let mut items: Vec<Opportunity> = ours.all().into_iter().filter(|item| item.open_s < end).collect();
         items.iter_mut().for_each(|item| item.close_s = item.close_s.min(end));
         let theirs = member(list, "windows")?.as_array().ok_or("`windows` is not a list")?;
         if theirs.len() != items.len() {

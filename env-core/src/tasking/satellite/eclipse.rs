@@ -6,8 +6,10 @@ use std::f64::consts::PI;
 use crate::tasking::constants::{EARTH_RADIUS_M, SUN_RADIUS_M};
 use crate::tasking::vector3::{Vector3, dot, norm, sub};
 
-/// Angle by which a satellite and the Sun can move relative to each other in the time of an arc at most, rad.
-const ARC_MARGIN_RAD: f64 = 0.08;
+/// Sine and cosine of 0.08 rad: by a smaller angle a satellite and the Sun move relative to each other in the time of an arc.
+const ARC_MARGIN: [f64; 2] = [0.079_914_693_969_172_69, 0.996_801_706_302_619_4];
+/// Slope of a cone that is wider than umbra and penumbra: more than (R☉ + R)/d with the Sun at 0.98 AU.
+const SHADOW_SLOPE: f64 = 0.005;
 
 /// Apparent sizes and distance of the Sun and the Earth.
 struct EclipseGeometry {
@@ -51,6 +53,9 @@ impl EclipseGeometry {
 /// Share of the Sun's disc that is visible, 0 to 1. `position` is the satellite's, `sun` the Sun's, both relative to the Earth, m.
 #[must_use]
 pub fn illumination(position: &Vector3<f64>, sun: &Vector3<f64>) -> f64 {
+    if let Some(certain) = certain_illumination(position, sun) {
+        return certain;
+    }
     let geometry = EclipseGeometry::new(position, sun);
     if geometry.is_before_earth || geometry.cosine <= geometry.contact_cosine() {
         return 1.0;
@@ -74,11 +79,28 @@ pub fn illumination(position: &Vector3<f64>, sun: &Vector3<f64>) -> f64 {
     }
 }
 
+/// The share of the Sun's disc that is visible, if the distance from the axis of the shadow tells that it is 0 or 1.
+fn certain_illumination(position: &Vector3<f64>, sun: &Vector3<f64>) -> Option<f64> {
+    let square = dot(position, position);
+    if square < EARTH_RADIUS_M * EARTH_RADIUS_M * 1.002 {
+        return None; // The Earth fills half of the sky.
+    }
+    let along = dot(position, sun);
+    let from_axis_2 = square - along * along / dot(sun, sun);
+    let widening = SHADOW_SLOPE * square.sqrt();
+    let (inner, outer) = (EARTH_RADIUS_M - widening, EARTH_RADIUS_M + widening);
+    if along > 0.0 || from_axis_2 > outer * outer {
+        Some(1.0)
+    } else {
+        (inner > 0.0 && from_axis_2 < inner * inner).then_some(0.0)
+    }
+}
+
 /// The share of the Sun that is visible during the whole time of an arc (60 s) from this state on, if it is certain to be 0 or 1.
 #[must_use]
 pub fn constant_illumination(position: &Vector3<f64>, sun: &Vector3<f64>) -> Option<f64> {
     let geometry = EclipseGeometry::new(position, sun);
-    let (sin_margin, cos_margin) = (libm::sin(ARC_MARGIN_RAD), libm::cos(ARC_MARGIN_RAD));
+    let [sin_margin, cos_margin] = ARC_MARGIN;
     let contact = geometry.contact_cosine();
     let contact_sine = geometry.sun[0] * geometry.earth[1] + geometry.sun[1] * geometry.earth[0];
     if geometry.cosine < contact * cos_margin - contact_sine * sin_margin {

@@ -173,6 +173,12 @@ impl TaskedSatellite {
         }
     }
 
+    /// True if the flight software aligns the body with the Hill frame.
+    #[must_use]
+    pub const fn is_aligned_with_hill(&self) -> bool {
+        self.software.is_hill
+    }
+
     /// Bits in the partition that the instrument fills, and of the initial data of an imager.
     #[must_use]
     pub const fn stored(&self) -> [f64; 2] {

@@ -253,11 +253,8 @@ impl TaskedSatellite {
     /// It is that of the position one tick earlier and of the Sun now: Basilisk's world runs before the dynamics.
     fn find_illumination(&mut self, next: u64, limit: u64, sky: &Sky) {
         let tick = self.environment.tick;
-        let geometry = |index: u64| {
-            let time = tick.time_s(index - 1);
-            (self.orbit.arc(time).position(time), sky.sun(tick.time_s(index)))
-        };
-        let (position, sun) = geometry(next);
+        let mut path = self.orbit.arc(tick.time_s(next - 1));
+        let (position, sun) = (path.position(tick.time_s(next - 1)), sky.sun(tick.time_s(next)));
         if let Some(constant) = constant_illumination(&position, &sun) {
             (self.cache.illumination, self.cache.illumination_until) = (constant, limit);
             return;
@@ -265,8 +262,11 @@ impl TaskedSatellite {
         let share = illumination(&position, &sun);
         let mut until = next;
         while until < limit {
-            let (position, sun) = geometry(until + 1);
-            if illumination(&position, &sun) != share {
+            let time = tick.time_s(until);
+            if time >= path.start_s + STEP_S {
+                path = self.orbit.arc(time);
+            }
+            if illumination(&path.position(time), &sky.sun(tick.time_s(until + 1))) != share {
                 break;
             }
             until += 1;

@@ -107,10 +107,8 @@ impl Agent {
 
     /// The image of a target until its next window closes.
     fn choose_target(&self, target: usize, max_duration_s: f64, now_s: f64) -> Result<Choice, TaskingError> {
-        let upcoming = self.opportunities.upcoming(now_s);
-        let window =
-            upcoming.iter().find(|item| item.kind == OpportunityKind::Target && item.object == target);
-        match window {
+        let upcoming = self.opportunities.upcoming(OpportunityKind::Target, now_s);
+        match upcoming.iter().find(|item| item.object == target) {
             Some(window) => Ok(Choice::Image { target, close_s: window.close_s, max_duration_s }),
             None => Err(self.action_error(format!("target {target} has no upcoming window"))),
         }

@@ -166,12 +166,9 @@ impl Agent {
         found.clear();
         for _ in 0..MAX_LOOK_AHEAD {
             found.clear();
-            let is_wanted = |item: &&Opportunity| {
-                let is_hidden =
-                    self.hides_imaged && kind == OpportunityKind::Target && self.imaged.contains(item.object);
-                item.kind == kind && !is_hidden
-            };
-            found.extend(self.opportunities.upcoming(now_s).iter().filter(is_wanted).take(count));
+            let hides_imaged = self.hides_imaged && kind == OpportunityKind::Target;
+            let is_wanted = |item: &&Opportunity| !(hides_imaged && self.imaged.contains(item.object));
+            found.extend(self.opportunities.upcoming(kind, now_s).iter().filter(is_wanted).take(count));
             if found.len() >= count {
                 return Ok(());
             }

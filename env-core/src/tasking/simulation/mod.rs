@@ -13,9 +13,11 @@ pub mod run;
 pub mod step;
 pub mod target_set;
 
+use std::sync::Arc;
+
 use self::agent::{ActionKey, Agent};
 use self::target_set::TargetSet;
-use super::access::{LocationSet, OpportunityList};
+use super::access::{LocationSet, Locations, Opportunity, OpportunityList};
 use super::error::TaskingError;
 use super::orbit::Sky;
 use super::satellite::{Environment, TaskedSatellite};
@@ -48,6 +50,8 @@ pub struct TaskingSim {
     /// Sums of the rewards of each satellite, without penalties.
     totals: Vec<f64>,
     steps: u32,
+    /// Memory for the opportunities that an observation or action needs.
+    found: Vec<Opportunity>,
 }
 
 /// Parts of a set-up that belong to the episode rather than to a satellite.
@@ -76,14 +80,22 @@ impl TaskingSim {
         let positions: Vec<_> = setup.targets.iter().map(|target| target.position).collect();
         let hides_imaged = setup.rewarders == [Rewarder::UniqueImages];
         let mut agents = Vec::with_capacity(setup.agents.len());
+        let has_stations = setup.agents.iter().any(|agent| agent.satellite.dynamics.ground_stations);
+        let stations = Arc::new(station_locations(if has_stations { &setup.stations } else { &[] })?);
+        let no_stations = Arc::new(Locations::new(Vec::new(), 0.0));
+        let mut shared: Option<Arc<Locations>> = None;
         for agent in setup.agents {
             let spec = agent.satellite.clone();
             let min_elevation = spec.args.target_min_elevation_rad;
-            let has_stations = spec.dynamics.ground_stations;
-            let stations = station_locations(if has_stations { &setup.stations } else { &[] })?;
+            let targets = match &shared {
+                Some(targets) if targets.min_elevation_rad() == min_elevation => Arc::clone(targets),
+                _ => Arc::new(Locations::new(positions.clone(), min_elevation)),
+            };
+            shared = Some(Arc::clone(&targets));
+            let stations = if spec.dynamics.ground_stations { &stations } else { &no_stations };
+            let stations = LocationSet::new(Arc::clone(stations));
             let satellite = TaskedSatellite::new(spec, environment, stations, &sky);
-            let targets = LocationSet::new(positions.clone(), min_elevation);
-            agents.push(Agent::new(agent, satellite, targets, time_limit_s, hides_imaged));
+            agents.push(Agent::new(agent, satellite, LocationSet::new(targets), time_limit_s, hides_imaged));
         }
         let mut sim = Self {
             rewarded: TargetSet::new(positions.len()),
@@ -104,6 +116,7 @@ impl TaskingSim {
             time_limit: time_limit_s.is_finite().then(|| tick.first_tick_at(time_limit_s)).flatten(),
             last_communication_s: 0.0,
             steps: 0,
+            found: Vec::new(),
             sky,
         };
         for agent in &mut sim.agents {
@@ -246,7 +259,7 @@ impl TaskingSim {
 }
 
 /// Locations of ground stations. All must have the same minimum elevation and no limit of range.
-fn station_locations(stations: &[GroundStation]) -> Result<LocationSet, TaskingError> {
+fn station_locations(stations: &[GroundStation]) -> Result<Locations, TaskingError> {
     let elevation = stations.first().map_or(0.0, |station| station.min_elevation_rad);
     for station in stations {
         if station.min_elevation_rad != elevation || station.max_range_m >= 0.0 {
@@ -256,5 +269,5 @@ fn station_locations(stations: &[GroundStation]) -> Result<LocationSet, TaskingE
             )));
         }
     }
-    Ok(LocationSet::new(stations.iter().map(|station| station.position).collect(), elevation))
+    Ok(Locations::new(stations.iter().map(|station| station.position).collect(), elevation))
 }

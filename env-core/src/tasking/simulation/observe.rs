@@ -6,31 +6,49 @@ use crate::tasking::access::OpportunityKind;
 use crate::tasking::error::TaskingError;
 use crate::tasking::observation::opportunity::OpportunityView;
 use crate::tasking::observation::spec::{ObservationItem, ObservationSpec};
-use crate::tasking::observation::view::SatelliteView;
+use crate::tasking::observation::view::{Moment, SatelliteView};
 use crate::tasking::orbit::OrbitalElements;
 use crate::tasking::setup::environment::Rewarder;
+use crate::tasking::tick::attitude::body_from_inertial;
+use crate::tasking::vector3::{rotate, rotate_back};
 
 impl TaskingSim {
-    /// Calls a function with the state of a satellite.
-    pub fn with_view<T>(&mut self, index: usize, f: impl FnOnce(&SatelliteView<'_>) -> T) -> T {
-        let time = self.time_s();
+    /// Computes what observations need of this moment.
+    pub fn moment(&mut self, index: usize) -> Moment {
+        let time_s = self.time_s();
         let Agent { satellite, elements, .. } = &mut self.agents[index];
-        satellite.orbit_mut().extend_to(time, &mut self.sky);
+        satellite.orbit_mut().extend_to(time_s, &mut self.sky);
         let velocity = satellite.velocity(self.now);
-        let elements = *elements.get_or_insert_with(|| {
-            OrbitalElements::from_state(satellite.spec().args.mu, &satellite.state.position, &velocity)
-        });
-        let view = SatelliteView {
+        let state = &satellite.state;
+        let args = &satellite.spec().args;
+        let elements =
+            *elements.get_or_insert_with(|| OrbitalElements::from_state(args.mu, &state.position, &velocity));
+        let planet = self.sky.earth(time_s).planet_from_inertial();
+        let body = body_from_inertial(&state.attitude.sigma);
+        let instrument = rotate_back(&body, &args.instrument_axis);
+        Moment {
+            time_s,
+            velocity,
+            elements,
+            planet,
+            sun: self.sky.sun(time_s),
+            body,
+            planet_position: rotate(&planet, &state.position),
+            instrument,
+            instrument_fixed: rotate(&planet, &instrument),
+        }
+    }
+
+    /// A satellite as observations see it.
+    #[must_use]
+    pub fn view<'a>(&'a self, index: usize, moment: &'a Moment) -> SatelliteView<'a> {
+        let satellite = &self.agents[index].satellite;
+        SatelliteView {
             spec: satellite.spec(),
             state: &satellite.state,
             stored_bits: satellite.stored().iter().sum(),
-            velocity,
-            elements,
-            planet: self.sky.earth(time).planet_from_inertial(),
-            sun: self.sky.sun(time),
-            time_s: time,
-        };
-        f(&view)
+            moment,
+        }
     }
 
     /// Computes the opportunities of a satellite until they reach a time, s.
@@ -67,15 +85,17 @@ impl TaskingSim {
         observation: &ObservationSpec,
         out: &mut Vec<f64>,
     ) -> Result<(), TaskingError> {
+        let moment = self.moment(index);
         for (_, item) in observation.items() {
             match item {
-                ObservationItem::Properties(properties) => self.with_view(index, |view| {
+                ObservationItem::Properties(properties) => {
+                    let view = self.view(index, &moment);
                     for entry in properties {
                         let first = out.len();
-                        entry.property.write(view, out);
+                        entry.property.write(&view, out);
                         out[first..].iter_mut().for_each(|x| *x /= entry.norm);
                     }
-                }),
+                }
                 ObservationItem::Time { norm_s, is_remaining } => {
                     let limit = self.setup.clock.time_limit_s;
                     let time = if *is_remaining { limit - self.time_s() } else { self.time_s() };
@@ -94,7 +114,9 @@ impl TaskingSim {
                     });
                     out.extend(weights);
                 }
-                ObservationItem::Opportunities { .. } => self.observe_opportunities(index, item, out)?,
+                ObservationItem::Opportunities { .. } => {
+                    self.observe_opportunities(index, item, &moment, out)?
+                }
             }
         }
         Ok(())
@@ -104,37 +126,28 @@ impl TaskingSim {
         &mut self,
         index: usize,
         item: &ObservationItem,
+        moment: &Moment,
         out: &mut Vec<f64>,
     ) -> Result<(), TaskingError> {
         let ObservationItem::Opportunities { kind, count, properties } = item else { return Ok(()) };
-        let mut found = Vec::new();
-        let now_s = self.time_s();
-        self.agents[index].next_opportunities(*kind, *count, now_s, &mut self.sky, &mut found)?;
-        let objects: Vec<OpportunityView> = found
-            .iter()
-            .map(|opportunity| match opportunity.kind {
+        let mut found = std::mem::take(&mut self.found);
+        let result =
+            self.agents[index].next_opportunities(*kind, *count, moment.time_s, &mut self.sky, &mut found);
+        let view = self.view(index, moment);
+        for opportunity in &found {
+            let (position, priority) = match opportunity.kind {
                 OpportunityKind::Target => {
                     let target = &self.setup.targets[opportunity.object];
-                    OpportunityView {
-                        opportunity: *opportunity,
-                        position: target.position,
-                        priority: Some(target.priority),
-                    }
+                    (target.position, Some(target.priority))
                 }
-                OpportunityKind::GroundStation => OpportunityView {
-                    opportunity: *opportunity,
-                    position: self.setup.stations[opportunity.object].position,
-                    priority: None,
-                },
-            })
-            .collect();
-        self.with_view(index, |view| {
-            for object in &objects {
-                for entry in properties {
-                    entry.property.write(view, object, entry.norm, out);
-                }
+                OpportunityKind::GroundStation => (self.setup.stations[opportunity.object].position, None),
+            };
+            let object = OpportunityView { opportunity: *opportunity, position, priority };
+            for entry in properties {
+                entry.property.write(&view, &object, entry.norm, out);
             }
-        });
-        Ok(())
+        }
+        self.found = found;
+        result
     }
 }
