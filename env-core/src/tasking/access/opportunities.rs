@@ -7,6 +7,8 @@
 //! has no part in it; and one that opens in a block and stays open has the time *before* its opening instead, if the satellite is
 //! near the object from the start of the block on.
 
+use std::cell::OnceCell;
+
 use super::finder::{AccessWindow, LocationSet};
 use super::ground_track::GroundTrack;
 use crate::tasking::vector3::{norm, sub};
@@ -87,7 +89,7 @@ impl OpportunityList {
 
     /// Adds the block up to `end_s` of location sets, which must be searched to that time along the track.
     pub fn add_block(&mut self, end_s: f64, sets: &[(OpportunityKind, &LocationSet)], track: &GroundTrack) {
-        let block = SearchBlock { start_s: self.computed_s, end_s, track };
+        let block = SearchBlock { start_s: self.computed_s, end_s, track, highest_m: OnceCell::new() };
         for (kind, set) in sets {
             let windows = set.closed_windows().iter().copied().chain(set.open_windows());
             let mut added: Vec<Opportunity> =
@@ -122,6 +124,8 @@ struct SearchBlock<'a> {
     start_s: f64,
     end_s: f64,
     track: &'a GroundTrack,
+    /// Largest distance of the samples from the Earth's centre, m, once it is needed.
+    highest_m: OnceCell<f64>,
 }
 
 impl SearchBlock<'_> {
@@ -152,7 +156,9 @@ impl SearchBlock<'_> {
         let object = set.position(window.location);
         let samples = ((self.end_s - self.start_s) / SAMPLE_S).round() as usize;
         let at = |sample: usize| self.track.position(self.start_s + sample as f64 * SAMPLE_S);
-        let highest = (0..=samples).map(|sample| norm(&at(sample))).fold(0.0, f64::max);
+        let highest = *self
+            .highest_m
+            .get_or_init(|| (0..=samples).map(|sample| norm(&at(sample))).fold(0.0, f64::max));
         let near = NEAR_FACTOR * (highest - norm(object)) / libm::sin(set.min_elevation_rad());
         let opening = ((window.open_s - self.start_s) / SAMPLE_S).ceil() as usize;
         (1..=opening.clamp(1, samples)).all(|sample| norm(&sub(&at(sample), object)) < near)

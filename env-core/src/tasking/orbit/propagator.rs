@@ -111,6 +111,12 @@ impl Sky {
         self.rotation.frame(seconds)
     }
 
+    /// Direction of the Earth's pole in the inertial frame.
+    #[must_use]
+    pub fn earth_pole(&self, seconds: f64) -> Vector3<f64> {
+        self.rotation.frame_at(seconds, [1.0, 0.0]).equator[2]
+    }
+
     /// Orientation of the Earth at a node of orbits. The sky must extend to it.
     #[must_use]
     pub fn earth_at_node(&self, node: usize) -> EarthFrame {

@@ -6,7 +6,7 @@ use crate::tasking::clock::TickLength;
 use crate::tasking::constants::EARTH_RADIUS_M;
 use crate::tasking::orbit::Sky;
 use crate::tasking::setup::environment::{Communicator, Links};
-use crate::tasking::vector3::{Vector3, dot, norm, rotate, sub};
+use crate::tasking::vector3::{Vector3, add, dot, norm, scale, sub};
 
 /// Ratio of the polar to the equatorial radius of the Earth that blocks lines of sight, as in BSK-RL.
 const POLAR_RATIO: f64 = 0.98;
@@ -96,12 +96,9 @@ fn are_linked(agents: &mut [Agent], a: usize, b: usize, ticks: &StepTicks, sky: 
     while tick < ticks.end {
         let time = ticks.tick.time_s(tick);
         let other_time = if b > a { ticks.tick.time_s(tick.saturating_sub(1)) } else { time };
-        let matrix = sky.earth(time).planet_from_inertial();
-        let at = |index: usize, time: f64| {
-            let orbit = agents[index].satellite.orbit();
-            rotate(&matrix, &orbit.arc(time).position(time))
-        };
-        let missing_m = missing_line_of_sight(&at(a, time), &at(b, other_time), max_range);
+        let at = |index: usize, time: f64| agents[index].satellite.orbit().arc(time).position(time);
+        let missing_m =
+            missing_line_of_sight(&at(a, time), &at(b, other_time), &sky.earth_pole(time), max_range);
         if missing_m <= 0.0 {
             return true;
         }
@@ -111,10 +108,15 @@ fn are_linked(agents: &mut [Agent], a: usize, b: usize, ticks: &StepTicks, sky: 
     false
 }
 
-/// Distance by which the line between two planet-fixed positions misses being clear of the Earth, an ellipsoid, and within
-/// range, m; zero or less if there is a line of sight (Basilisk's `spacecraftLocation`).
-fn missing_line_of_sight(from: &Vector3<f64>, to: &Vector3<f64>, max_range_m: f64) -> f64 {
-    let on_sphere = |v: &Vector3<f64>| [v[0], v[1], v[2] / POLAR_RATIO];
+/// Distance by which the line between two positions misses being clear of the Earth, an ellipsoid about its pole, and within range,
+/// m; zero or less if there is a line of sight (Basilisk's `spacecraftLocation`).
+fn missing_line_of_sight(
+    from: &Vector3<f64>,
+    to: &Vector3<f64>,
+    pole: &Vector3<f64>,
+    max_range_m: f64,
+) -> f64 {
+    let on_sphere = |v: &Vector3<f64>| add(v, &scale(pole, dot(v, pole) * (1.0 / POLAR_RATIO - 1.0)));
     let (start, end) = (on_sphere(from), on_sphere(to));
     let line = sub(&end, &start);
     let share = (-dot(&start, &line) / dot(&line, &line)).clamp(0.0, 1.0);

@@ -1,7 +1,7 @@
 //! Runs the ticks of steps: the satellites of one episode, or of many, side by side in lanes.
 //!
-//! The satellites of an episode run in lanes of the same block. When its step ends, its lanes take the next episode, so that
-//! unequal durations leave no lane idle. The results do not depend on which episodes share a block.
+//! The satellites of an episode run in neighbouring lanes. When its step ends, its lanes take the next episode, so that unequal
+//! durations leave no lane idle. The results do not depend on which episodes share a block.
 
 use super::TaskingSim;
 use crate::tasking::tick::block::Block;
@@ -95,8 +95,7 @@ where
         return;
     }
     let tick = episodes.episode(0).setup.clock.tick;
-    // Several episodes share a block, or an episode has several blocks.
-    let (blocks, slots) = if largest <= W { (1, W / largest) } else { (largest.div_ceil(W), 1) };
+    let (blocks, slots) = block_count(W, largest, episodes.len());
     let mut lanes = LaneBlocks { blocks: vec![Block::<W>::new(tick); blocks], set };
     let mut next_episode = 0;
     let mut active: Vec<EpisodeLanes> = Vec::with_capacity(slots);
@@ -127,6 +126,19 @@ where
             goes_on
         });
     }
+}
+
+/// Number of blocks of `width` lanes that run in step, and of episodes with up to `largest` satellites that they hold. As few blocks
+/// as possible are used, unless more of them leave fewer lanes idle.
+fn block_count(width: usize, largest: usize, episodes: usize) -> (usize, usize) {
+    /// Largest number of blocks beyond those that one episode needs.
+    const MORE_BLOCKS: usize = 3;
+    let least = largest.div_ceil(width);
+    let held = |blocks: usize| (blocks * width / largest).min(episodes);
+    // Lanes in use per lane of the blocks, compared as fractions.
+    let is_fuller = |a: usize, b: usize| held(a) * b > held(b) * a;
+    let best = (least + 1..=least + MORE_BLOCKS).fold(least, |best, b| if is_fuller(b, best) { b } else { best });
+    (best, held(best))
 }
 
 impl EpisodeLanes {
@@ -177,19 +189,23 @@ where
     /// Runs up to `ticks` ticks in all blocks. Returns their number.
     fn run(&mut self, ticks: u64) -> u64 {
         let mut ticks = u32::try_from(ticks).unwrap_or(u32::MAX);
-        if self.blocks.len() > 1 {
-            // An image in one block would stop it before the others.
-            let awaits =
-                |block: &Block<W>| block.inputs.supply.awaited_bits.iter().any(|bits| bits.is_finite());
-            if self.blocks.iter().any(awaits) {
-                ticks = 1;
+        if let [block] = &mut self.blocks[..] {
+            return u64::from(block.run(ticks, self.set));
+        }
+        // An image stops one block before the others, which then start over and stop there, too.
+        let starts: Vec<_> = self.blocks.iter().map(|block| block.state).collect();
+        let mut ran = Vec::with_capacity(starts.len());
+        for block in &mut self.blocks {
+            ticks = block.run(ticks, self.set);
+            ran.push(ticks);
+        }
+        for ((block, start), ran) in self.blocks.iter_mut().zip(starts).zip(ran) {
+            if ran > ticks {
+                block.state = start;
+                block.run(ticks, self.set);
             }
         }
-        let mut ran = ticks;
-        for block in &mut self.blocks {
-            ran = ran.min(block.run(ticks, self.set));
-        }
-        u64::from(ran)
+        u64::from(ticks)
     }
 
     /// Processes what follows the pending ticks of an episode. Returns false if its step has ended; then its lanes are free.
