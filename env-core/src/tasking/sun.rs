@@ -23,17 +23,17 @@ const EQUATOR_FROM_ECLIPTIC: [[f64; 3]; 3] = [
 const TOGETHER: usize = 8;
 
 /// Numbers of [`TOGETHER`] terms.
-type Lanes = [f64; TOGETHER];
+type TermLanes = [f64; TOGETHER];
 
 /// Terms amplitude · t^power · cos(phase + frequency · t), with t in Julian years since J2000. Unused ones have no amplitude.
 #[derive(Default)]
 struct Terms {
-    amplitude: Lanes,
-    phase: Lanes,
-    frequency: Lanes,
+    amplitude: TermLanes,
+    phase: TermLanes,
+    frequency: TermLanes,
     /// Cosine and sine of the change of the angle between two nodes.
-    cos_step: Lanes,
-    sin_step: Lanes,
+    cos_step: TermLanes,
+    sin_step: TermLanes,
 }
 
 /// Terms of one component and power of the time.
@@ -41,7 +41,7 @@ struct Series {
     component: usize,
     power: usize,
     terms: Vec<Terms>,
-    /// Number of terms.
+    /// Number of terms that are used.
     len: usize,
 }
 
@@ -104,11 +104,11 @@ impl WithSimd for SeriesSum<'_> {
 
 /// Sines and cosines of the angles of terms, to 1e-12: the Taylor series of a fourth of the angle, doubled twice.
 #[inline(always)]
-fn sines_and_cosines(terms: &Terms, years: f64) -> (Lanes, Lanes) {
+fn sines_and_cosines(terms: &Terms, years: f64) -> (TermLanes, TermLanes) {
     /// Adding and subtracting this number rounds to a whole one.
     const ROUNDER: f64 = 6_755_399_441_055_744.0;
     const TURN: f64 = std::f64::consts::TAU;
-    /// What the number `TURN` lacks to 2π.
+    /// Difference of 2π and the number `TURN`.
     const TURN_REST: f64 = 2.449_293_598_294_706_4e-16;
     let (mut sin, mut cos) = ([0.0; TOGETHER], [0.0; TOGETHER]);
     for i in 0..TOGETHER {

@@ -1,5 +1,6 @@
 //! Access of ground locations to a satellite: windows of time, and BSK-RL's list of opportunities.
 
+mod arc_search;
 pub mod finder;
 pub mod ground_track;
 pub mod opportunities;

@@ -47,7 +47,7 @@ pub struct Opportunity {
 /// Opportunities of a satellite in the order of their close.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct OpportunityList {
-    /// Opportunities by kind.
+    /// Opportunities of each kind, in order.
     items: [Vec<Opportunity>; 2],
     /// Time up to which opportunities are computed, s.
     computed_s: f64,
@@ -156,9 +156,8 @@ impl SearchBlock<'_> {
         let object = set.position(window.location);
         let samples = ((self.end_s - self.start_s) / SAMPLE_S).round() as usize;
         let at = |sample: usize| self.track.position(self.start_s + sample as f64 * SAMPLE_S);
-        let highest = *self
-            .highest_m
-            .get_or_init(|| (0..=samples).map(|sample| norm(&at(sample))).fold(0.0, f64::max));
+        let highest =
+            *self.highest_m.get_or_init(|| (0..=samples).map(|sample| norm(&at(sample))).fold(0.0, f64::max));
         let near = NEAR_FACTOR * (highest - norm(object)) / libm::sin(set.min_elevation_rad());
         let opening = ((window.open_s - self.start_s) / SAMPLE_S).ceil() as usize;
         (1..=opening.clamp(1, samples)).all(|sample| norm(&sub(&at(sample), object)) < near)

@@ -7,7 +7,7 @@ use crate::tasking::constants::{EARTH_RADIUS_M, SUN_RADIUS_M};
 use crate::tasking::vector3::{Vector3, dot, norm, sub};
 
 /// Sine and cosine of 0.08 rad: by a smaller angle a satellite and the Sun move relative to each other in the time of an arc.
-const ARC_MARGIN: [f64; 2] = [0.079_914_693_969_172_69, 0.996_801_706_302_619_4];
+const ARC_MARGIN: [f64; 2] = [0.079_914_693_969_172_7, 0.996_801_706_302_619_4];
 /// Slope of a cone that is wider than umbra and penumbra: more than (R☉ + R)/d with the Sun at 0.98 AU.
 const SHADOW_SLOPE: f64 = 0.005;
 

@@ -115,7 +115,7 @@ impl TaskingSim {
                     out.extend(weights);
                 }
                 ObservationItem::Opportunities { .. } => {
-                    self.observe_opportunities(index, item, &moment, out)?
+                    self.observe_opportunities(index, item, &moment, out)?;
                 }
             }
         }

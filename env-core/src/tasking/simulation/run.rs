@@ -137,7 +137,8 @@ fn block_count(width: usize, largest: usize, episodes: usize) -> (usize, usize) 
     let held = |blocks: usize| (blocks * width / largest).min(episodes);
     // Lanes in use per lane of the blocks, compared as fractions.
     let is_fuller = |a: usize, b: usize| held(a) * b > held(b) * a;
-    let best = (least + 1..=least + MORE_BLOCKS).fold(least, |best, b| if is_fuller(b, best) { b } else { best });
+    let best =
+        (least + 1..=least + MORE_BLOCKS).fold(least, |best, b| if is_fuller(b, best) { b } else { best });
     (best, held(best))
 }
 
