@@ -33,7 +33,7 @@ class Session:
         self.url = base_url.replace("http", "ws", 1) + "/v1/sessions"
         self.message_id = 0
         self.stack = contextlib.ExitStack()
-        self.opened = self.connect({"type": "open", "version": 1, **settings})
+        self.opened = self.connect({"type": "open", "version": 2, **settings})
 
     def connect(self, message):
         """Connects and sends the first message, which opens or resumes a session."""

@@ -41,7 +41,7 @@ class VectorSession:
         self.stack = contextlib.ExitStack()
         url = base_url.replace("http", "ws", 1) + "/v1/sessions"
         self.socket = self.stack.enter_context(connect(url, max_size=None, compression=None, additional_headers=TOKEN))
-        self.opened = self.send({"type": "open", "version": 1, **settings})
+        self.opened = self.send({"type": "open", "version": 2, **settings})
         assert self.opened["version"] == 1
         self.envs, self.agents, self.sequence = self.opened["envs"], self.opened["agents"], 0
         self.first = self.read_frame(self.socket.recv())
@@ -62,7 +62,7 @@ class VectorSession:
         if isinstance(frame, str):
             self.read_message(frame)  # errors are JSON messages
         magic, version, kind, sequence, envs = HEADER.unpack_from(frame)
-        assert (magic, version, kind, sequence, envs) == (b"SPVF", 1, STEPPED, self.sequence, self.envs)
+        assert (magic, version, kind, sequence, envs) == (b"SPVF", 2, STEPPED, self.sequence, self.envs)
         columns = {}
         for field in self.opened["frames"]["stepped"]["fields"]:
             if "done" in field["shape"]:
@@ -76,7 +76,7 @@ class VectorSession:
     def step(self, actions):
         """Steps all environments and returns the columns of the result."""
         self.sequence += 1
-        self.socket.send(HEADER.pack(b"SPVF", 1, ACTIONS, self.sequence, self.envs) + actions.tobytes())
+        self.socket.send(HEADER.pack(b"SPVF", 2, ACTIONS, self.sequence, self.envs) + actions.tobytes())
         return self.read_frame(self.socket.recv())
 
     def close(self):

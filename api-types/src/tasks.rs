@@ -29,8 +29,10 @@ pub struct Task {
     pub levels: LevelTable,
     /// Number of agents at the start, at default params.
     pub agents: u32,
-    /// Number of steps after which an episode is truncated, at default params.
+    /// Largest number of steps of an episode, at default params.
     pub horizon: u32,
+    /// Time after which an episode is truncated, in seconds, at default params; null in a world that counts steps.
+    pub time_limit_s: Option<f64>,
     /// Action space of an agent.
     pub actions: TaskActionSpace,
     /// Range of the score.
@@ -113,17 +115,33 @@ pub struct ManualPhysicsChoice {
     pub reason: String,
 }
 
+/// Kind of the values of an action.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TaskActionKind {
+    /// Numbers within bounds.
+    Box,
+    /// The index of one of several actions.
+    Discrete,
+}
+
 /// Action space of one agent.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct TaskActionSpace {
+    /// Kind of the values.
+    pub kind: TaskActionKind,
+    /// Names of the actions of a discrete space, by index; empty for a box.
+    pub names: Vec<String>,
     /// Names of the values of an action, in order.
     pub columns: Vec<String>,
-    /// Smallest value; lower ones are clamped.
+    /// Smallest value; in a box lower ones are clamped.
     pub low: f64,
-    /// Largest value; higher ones are clamped.
+    /// Largest value; in a box higher ones are clamped.
     pub high: f64,
     /// Unit of the values.
     pub unit: String,
+    /// Value of an agent that does nothing new: in frames, every value of its action equals this one; logs have no entry for it.
+    pub hold: f64,
 }
 
 /// Range of the score of a task.

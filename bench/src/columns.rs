@@ -126,7 +126,7 @@ pub(crate) async fn prepare_claim(
 
 /// Returns the score of holding, or 0 without a valid start.
 fn hold_score(scenario: &Scenario) -> f32 {
-    let width = scenario.task().action_space().columns.len();
+    let width = scenario.task().action_space().dim();
     let mut log = ActionLog::new(width, env_core::log::Precision::F64);
     log.stopped = Some(env_core::StopReason::TooLate);
     env_core::rollout::replay(scenario, &log).map_or(0.0, |outcome| outcome.score as f32)

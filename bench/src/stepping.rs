@@ -53,7 +53,7 @@ impl VectorSession {
     pub(crate) async fn open(base: &str, envs: usize, seed: u64) -> anyhow::Result<Self> {
         let url = format!("{}/v1/sessions", base.replacen("http", "ws", 1));
         let (mut socket, _) = connect_async_with_config(url, None, true).await?;
-        let open_message = json!({"type": "open", "version": 1, "task": "survival", "params": {"debris": DEBRIS}, "seed": seed,
+        let open_message = json!({"type": "open", "version": 2, "task": "survival", "params": {"debris": DEBRIS}, "seed": seed,
                           "vector": {"envs": envs, "observe": "tracks"}});
         socket.send(Message::text(open_message.to_string())).await?;
         let Some(Ok(Message::Text(text))) = socket.next().await else { bail!("no answer") };
@@ -62,7 +62,7 @@ impl VectorSession {
         let size = |name: &str| reply[name].as_u64().map(|n| n as usize).context("a size");
         let width = size("agents")? * size("action")?;
         let frame = |turn: usize| {
-            let mut frame = b"SPVF\x01\0\x01\0\0\0\0\0".to_vec();
+            let mut frame = b"SPVF\x02\0\x01\0\0\0\0\0".to_vec();
             frame.extend((envs as u32).to_le_bytes());
             // A small burn in each seventh value, so that episodes last and actions matter.
             let value = |cell: usize| {

@@ -1,6 +1,7 @@
 //! Action logs: the actions of all agents, step by step. A scenario and a log determine an episode completely.
 
 use crate::error::{LogError, StepError};
+use crate::space::{ActionKind, ActionSpace};
 
 /// Actions of one step: any number of entries, each for one agent. An agent without an entry holds.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -14,6 +15,23 @@ pub struct JointAction<'a> {
 impl JointAction<'_> {
     /// The action without entries: all agents hold.
     pub const HOLD: JointAction<'static> = JointAction { agents: &[], values: &[] };
+
+    /// Values of the first `agents` agents, one after the other, with hold for those without an entry. Several entries of an agent
+    /// are summed in a box; otherwise the last one counts.
+    #[must_use]
+    pub fn by_agent(&self, space: &ActionSpace, agents: usize) -> Vec<f64> {
+        let dim = space.dim();
+        let mut values = vec![f64::from(space.hold); agents * dim];
+        for (&agent, entry) in self.agents.iter().zip(self.values.chunks_exact(dim.max(1))) {
+            let Some(cells) = values.get_mut(agent as usize * dim..(agent as usize + 1) * dim) else {
+                continue;
+            };
+            for (cell, value) in cells.iter_mut().zip(entry) {
+                *cell = if space.kind == ActionKind::Box { *cell + value } else { *value };
+            }
+        }
+        values
+    }
 
     /// Checks an action with `dim` values per entry by the rules of all worlds: not too many entries, each of an agent below
     /// `agents` (if given), all values finite.
@@ -170,6 +188,19 @@ impl ActionLog {
         for (i, &agent) in action.agents.iter().enumerate() {
             let values = action.values.get(i * self.dim..(i + 1) * self.dim).unwrap_or(&[]);
             self.push_entry(agent, values);
+        }
+        self.end_step();
+    }
+
+    /// Appends a complete step from the values of all agents, one after the other. Agents that hold have no entry.
+    pub fn push_by_agent<T: Copy + Into<f64>>(&mut self, space: &ActionSpace, values: &[T]) {
+        let hold = f64::from(space.hold);
+        for (agent, action) in (0u32..).zip(values.chunks_exact(self.dim.max(1))) {
+            if action.iter().any(|value| (*value).into() != hold) {
+                let mut entry = [0.0; MAX_DIM];
+                entry.iter_mut().zip(action).for_each(|(cell, value)| *cell = (*value).into());
+                self.push_entry(agent, &entry);
+            }
         }
         self.end_step();
     }

@@ -25,7 +25,7 @@ pub struct Rollout {
 pub fn roll_out(scenario: &Scenario, policy: &mut dyn Policy) -> Result<Rollout, ReplayError> {
     let task = scenario.task();
     let mut episode = task.start(scenario)?;
-    let mut log = ActionLog::new(task.action_space().columns.len(), Precision::F64);
+    let mut log = ActionLog::new(task.action_space().dim(), Precision::F64);
     let mut report = StepReport::default();
     while !episode.done() {
         policy.act(episode.observation(), &mut log)?;
@@ -110,7 +110,7 @@ pub fn read_log(
             ended: u32::try_from(horizon).unwrap_or(u32::MAX),
         });
     }
-    let mut log = ActionLog::new(task.action_space().columns.len(), precision);
+    let mut log = ActionLog::new(task.action_space().dim(), precision);
     log.stopped = stopped;
     for (index, step) in steps.iter().enumerate() {
         task.read_step(step, &mut log).map_err(|error| match error {

@@ -188,17 +188,102 @@ impl Levels {
     }
 }
 
+/// Kind of an action's values.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ActionKind {
+    /// Numbers within bounds.
+    Box,
+    /// The index of one of several actions.
+    Discrete {
+        /// Names of the actions, by index.
+        names: &'static [&'static str],
+    },
+}
+
 /// Action space of one agent.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct ActionSpace {
+    /// Kind of the values.
+    pub kind: ActionKind,
     /// Names of the values of an action, in order.
     pub columns: &'static [&'static str],
-    /// Smallest value; lower ones are clamped.
+    /// Smallest value. In a box lower ones are clamped.
     pub low: f64,
-    /// Largest value; higher ones are clamped.
+    /// Largest value. In a box higher ones are clamped.
     pub high: f64,
     /// Unit of the values.
     pub unit: &'static str,
+    /// Value of an agent that does nothing new. In batches every value of its action equals this one; logs have no entry for it.
+    pub hold: f32,
+}
+
+impl ActionSpace {
+    /// Value of a discrete action by which an agent goes on with the action before.
+    pub const GO_ON: f32 = -1.0;
+
+    /// A box of values in the same bounds. An agent whose values are zero holds.
+    #[must_use]
+    pub const fn new_box(columns: &'static [&'static str], low: f64, high: f64, unit: &'static str) -> Self {
+        Self { kind: ActionKind::Box, columns, low, high, unit, hold: 0.0 }
+    }
+
+    /// A choice of named actions. An agent goes on with the action before by [`ActionSpace::GO_ON`].
+    #[must_use]
+    pub const fn discrete(names: &'static [&'static str]) -> Self {
+        Self {
+            kind: ActionKind::Discrete { names },
+            columns: &["action"],
+            low: 0.0,
+            high: names.len() as f64 - 1.0,
+            unit: "",
+            hold: Self::GO_ON,
+        }
+    }
+
+    /// Number of values of an action.
+    #[must_use]
+    pub const fn dim(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// Names of the actions by index; empty for a box.
+    #[must_use]
+    pub const fn names(&self) -> &'static [&'static str] {
+        match self.kind {
+            ActionKind::Box => &[],
+            ActionKind::Discrete { names } => names,
+        }
+    }
+
+    /// True if a batch accepts a value: a finite number in a box, otherwise the index of an action or hold.
+    #[must_use]
+    pub fn accepts(&self, value: f32) -> bool {
+        match self.kind {
+            ActionKind::Box => value.is_finite(),
+            ActionKind::Discrete { names } => {
+                value == self.hold || (0..names.len()).any(|index| value == index as f32)
+            }
+        }
+    }
+}
+
+impl Serialize for ActionSpace {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        use serde::ser::SerializeStruct;
+        let kind = match self.kind {
+            ActionKind::Box => "box",
+            ActionKind::Discrete { .. } => "discrete",
+        };
+        let mut out = serializer.serialize_struct("ActionSpace", 7)?;
+        out.serialize_field("kind", kind)?;
+        out.serialize_field("names", self.names())?;
+        out.serialize_field("columns", self.columns)?;
+        out.serialize_field("low", &self.low)?;
+        out.serialize_field("high", &self.high)?;
+        out.serialize_field("unit", self.unit)?;
+        out.serialize_field("hold", &self.hold)?;
+        out.end()
+    }
 }
 
 /// Axes along which actions are given.
@@ -218,8 +303,10 @@ pub enum Axes {
 pub struct ActionGrid {
     /// Axes of the actions.
     pub axes: Axes,
-    /// Values of each action; the first action is hold.
+    /// Values of each action.
     pub rows: Vec<Vec<f32>>,
+    /// Index of the action that is hold; `None` if an agent can hold only without an action.
+    pub hold: Option<usize>,
     /// Description in one sentence.
     pub description: &'static str,
 }

@@ -111,7 +111,7 @@ impl ActionCodec {
 
     /// Reads an action into a log of one step.
     fn to_log(&self, action: &Value) -> Result<ActionLog, String> {
-        let mut log = ActionLog::new(self.task.action_space().columns.len(), Precision::F64);
+        let mut log = ActionLog::new(self.task.action_space().dim(), Precision::F64);
         match wire_format(self.task).read_action(action, &mut log) {
             Ok(()) => Ok(log),
             Err(errors) => Err(errors.first().map_or_else(|| "it is none".to_owned(), ToString::to_string)),

@@ -18,6 +18,8 @@ pub(crate) struct BatchState {
     pub(crate) actions: Vec<f32>,
     /// Actions of the last step, along the world's axes.
     pub(crate) last_actions: Vec<f32>,
+    /// Value of an agent that holds.
+    hold: f32,
     /// Return of each environment's episode so far.
     returns: Vec<f64>,
     /// Steps of each environment's episode so far.
@@ -50,6 +52,7 @@ impl BatchState {
     pub(crate) fn new(
         batch: Box<dyn Batch>,
         autoreset: Autoreset,
+        hold: f32,
         assigner: Option<EpisodeAssigner<LeasedEpisode>>,
     ) -> Self {
         let shape = batch.shape();
@@ -57,7 +60,8 @@ impl BatchState {
         Self {
             buffers: BatchBuffers::new(shape, autoreset),
             actions: Vec::new(),
-            last_actions: vec![0.0; envs * agents * action],
+            last_actions: vec![hold; envs * agents * action],
+            hold,
             returns: vec![0.0; envs],
             lengths: vec![0; envs],
             started: vec![Instant::now(); envs],
@@ -96,11 +100,15 @@ impl BatchState {
                 self.was_idle[env] = self.batch.is_idle(env);
                 self.started[env] = now;
                 let agents = env * shape.agents..(env + 1) * shape.agents;
-                self.batch.mark_absent_agents(env, &mut self.buffers.terminated[agents.clone()]);
+                let absent = &mut self.buffers.terminated[agents.clone()];
+                self.batch.mark_absent_agents(env, absent);
+                let needs_action = &mut self.buffers.needs_action[agents.clone()];
+                needs_action.iter_mut().zip(absent).for_each(|(needs, left)| *needs = !*left);
+                self.buffers.elapsed[env] = 0.0;
                 self.buffers.truncated[agents.clone()].fill(false);
                 self.buffers.rewards[agents].fill(0.0);
                 let width = shape.agents * shape.action;
-                self.last_actions[env * width..(env + 1) * width].fill(0.0);
+                self.last_actions[env * width..(env + 1) * width].fill(self.hold);
                 self.clear_trails(env);
             }
         }
@@ -126,6 +134,8 @@ impl BatchState {
             terminated: &mut buffers.terminated,
             truncated: &mut buffers.truncated,
             done: &mut buffers.done,
+            elapsed: &mut buffers.elapsed,
+            needs_action: &mut buffers.needs_action,
             executed_actions: &mut self.last_actions,
         };
         self.batch.step(actions, output)?;

@@ -181,30 +181,23 @@ fn bracketed_json(scenario: &Scenario, bracket: &Bracket, outcome: &EpisodeOutco
     json
 }
 
-/// Converts an action log to an array of steps × agents × values; an agent without an action gets zeros.
+/// Converts an action log to an array of steps × agents × values; an agent without an action holds.
 fn log_to_array<'py>(
     py: Python<'py>,
     scenario: &Scenario,
     log: &ActionLog,
 ) -> PyResult<Bound<'py, PyArray3<f64>>> {
     let agents = scenario.task().agents(scenario.recipe()) as usize;
-    let dim = log.dim();
-    let mut values = vec![0.0; log.len() * agents * dim];
-    for (number, step) in log.steps().enumerate() {
-        for (&agent, action) in step.agents.iter().zip(step.values.chunks_exact(dim.max(1))) {
-            let start = (number * agents + agent as usize) * dim;
-            if let Some(cells) = values.get_mut(start..start + dim) {
-                cells.iter_mut().zip(action).for_each(|(cell, value)| *cell += value);
-            }
-        }
-    }
-    PyArray1::from_vec(py, values).reshape([log.len(), agents, dim])
+    let space = scenario.task().action_space();
+    let values = log.steps().flat_map(|step| step.by_agent(&space, agents)).collect();
+    PyArray1::from_vec(py, values).reshape([log.len(), agents, space.dim()])
 }
 
 /// Converts an array of steps × agents × values to an action log of the same precision.
 fn read_log(scenario: &Scenario, actions: &Bound<'_, PyAny>, stopped: Option<&str>) -> PyResult<ActionLog> {
     let task = scenario.task();
-    let (agents, dim) = (task.agents(scenario.recipe()) as usize, task.action_space().columns.len());
+    let (agents, space) = (task.agents(scenario.recipe()) as usize, task.action_space());
+    let dim = space.dim();
     let NumericRows { values, len: steps, is_single_precision } =
         read_f64("actions", actions, &[agents, dim])?;
     if !values.iter().all(|value| value.is_finite()) {
@@ -213,10 +206,7 @@ fn read_log(scenario: &Scenario, actions: &Bound<'_, PyAny>, stopped: Option<&st
     let precision = if is_single_precision { Precision::F32 } else { Precision::F64 };
     let mut log = ActionLog::new(dim, precision);
     for step in values.chunks_exact((agents * dim).max(1)).take(steps) {
-        for (agent, action) in (0u32..).zip(step.chunks_exact(dim)) {
-            log.push_entry(agent, action);
-        }
-        log.end_step();
+        log.push_by_agent(&space, step);
     }
     log.stopped = stopped
         .map(|name| {

@@ -87,17 +87,11 @@ impl NativePolicy {
     fn act<'py>(&self, py: Python<'py>, telemetry: &str) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let wire: Value = serde_json::from_str(telemetry).map_err(|error| rejected("telemetry", error))?;
         let observation = self.task.read_observation(&wire).map_err(|error| rejected("telemetry", error))?;
-        let dim = self.task.action_space().columns.len();
-        let mut log = ActionLog::new(dim, Precision::F64);
+        let space = self.task.action_space();
+        let mut log = ActionLog::new(space.dim(), Precision::F64);
         let acted = self.policy.lock().unwrap_or_else(PoisonError::into_inner).act(&*observation, &mut log);
         acted.map_err(|error| rejected("policy", error))?;
-        let mut values = vec![0.0; self.agents * dim];
-        let step = log.step(log.len().saturating_sub(1));
-        for (&agent, action) in step.agents.iter().zip(step.values.chunks_exact(dim)) {
-            if let Some(cells) = values.get_mut(agent as usize * dim..(agent as usize + 1) * dim) {
-                cells.iter_mut().zip(action).for_each(|(cell, value)| *cell += value);
-            }
-        }
-        PyArray1::from_vec(py, values).reshape([self.agents, dim])
+        let values = log.step(log.len().saturating_sub(1)).by_agent(&space, self.agents);
+        PyArray1::from_vec(py, values).reshape([self.agents, space.dim()])
     }
 }

@@ -140,7 +140,7 @@ fn check_layout(line: &str) -> anyhow::Result<()> {
     let fuel = scenario.recipe().param("fuel").context("fuel")?
         * f64::from(scenario.task().agents(scenario.recipe()));
     ensure!(replayed.fuel_used <= fuel + 1e-9, "the reference plan spends {} of {fuel}", replayed.fuel_used);
-    let mut hold_log = ActionLog::new(scenario.task().action_space().columns.len(), Precision::F64);
+    let mut hold_log = ActionLog::new(scenario.task().action_space().dim(), Precision::F64);
     hold_log.stopped = Some(StopReason::TooLate); // the remaining steps hold
     let held = replay(&scenario, &hold_log)?;
     match layout["kind"].as_str() {

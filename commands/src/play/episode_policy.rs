@@ -154,7 +154,7 @@ impl EpisodePolicy {
                 let observed = task.spec.read_observation(&seen.with_reward_and_done()).map_err(|error| {
                     DecisionError::World(format!("the observation is not one of {}: {error}", task.spec.id()))
                 })?;
-                let dim = task.spec.action_space().columns.len();
+                let dim = task.spec.action_space().dim();
                 let mut log = ActionLog::new(dim, Precision::F64);
                 policy.act(&*observed, &mut log).map_err(|error| DecisionError::World(error.to_string()))?;
                 Ok(StepDecision { action: actions.encode(log.step(0)), error: None, turn: None })

@@ -20,7 +20,7 @@ const MIN_WASTED_FUEL: f64 = 1.0;
 /// # Errors
 /// Returns an error with the satellite that is hit, the step, and a way to fix the layout.
 pub(super) fn check_visibility(scenario: &Scenario) -> Result<(), FieldError> {
-    let mut hold = ActionLog::new(scenario.task().action_space().columns.len(), Precision::F64);
+    let mut hold = ActionLog::new(scenario.task().action_space().dim(), Precision::F64);
     hold.stopped = Some(StopReason::TooLate);
     // The admission check reports an unfair start in its own words.
     let Ok(critique) = scenario.task().critique(scenario, &hold) else { return Ok(()) };

@@ -22,8 +22,13 @@ pub struct BatchOutput<'a> {
     pub truncated: &'a mut [bool],
     /// True if the episode ended in this step, `envs`.
     pub done: &'a mut [bool],
+    /// Duration of the step in the world's unit, `envs`; zero if the step was a reset. Empty if the caller does not need it.
+    pub elapsed: &'a mut [f32],
+    /// True if an agent needs a new action, `envs × agents`; empty if the caller does not need it. Where actions last several steps,
+    /// it is false until one is over.
+    pub needs_action: &'a mut [bool],
     /// Actions along the world's axes before clamping, as a log contains them, `envs × agents × action`; empty if the
-    /// caller does not need them. They are zero if the step was a reset.
+    /// caller does not need them. They are hold if the step was a reset.
     pub executed_actions: &'a mut [f32],
 }
 
@@ -38,6 +43,10 @@ pub struct LaneOutput<'a> {
     pub terminated: &'a mut [bool],
     /// True if the horizon cut an agent off in this step.
     pub truncated: &'a mut [bool],
+    /// Duration of the step in the world's unit; empty if the caller does not need it.
+    pub elapsed: &'a mut [f32],
+    /// True if an agent needs a new action; empty if the caller does not need it.
+    pub needs_action: &'a mut [bool],
     /// Actions along the world's axes; empty if the caller does not need them.
     pub executed_actions: &'a mut [f32],
 }
@@ -59,6 +68,10 @@ pub struct BatchBuffers {
     pub truncated: Vec<bool>,
     /// True if the episode ended in this step, `envs`.
     pub done: Vec<bool>,
+    /// Duration of the step, `envs`.
+    pub elapsed: Vec<f32>,
+    /// True if an agent needs a new action, `envs × agents`; all do before the first step.
+    pub needs_action: Vec<bool>,
 }
 
 impl BatchBuffers {
@@ -75,6 +88,8 @@ impl BatchBuffers {
             terminated: vec![false; envs * agents],
             truncated: vec![false; envs * agents],
             done: vec![false; envs],
+            elapsed: vec![0.0; envs],
+            needs_action: vec![true; envs * agents],
         }
     }
 
@@ -88,6 +103,8 @@ impl BatchBuffers {
             terminated: &mut self.terminated,
             truncated: &mut self.truncated,
             done: &mut self.done,
+            elapsed: &mut self.elapsed,
+            needs_action: &mut self.needs_action,
             executed_actions: &mut [],
         }
     }

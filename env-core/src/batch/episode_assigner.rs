@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::{Autoreset, BatchShape, ScenarioSource};
 use crate::log::{ActionLog, Precision};
+use crate::space::ActionSpace;
 use crate::task::Scenario;
 
 /// Initial capacity of an episode's recorded actions, in values. An episode of docking that runs to its end takes 70 kB,
@@ -82,7 +83,7 @@ impl ScenarioSource for AssignedScenarios {
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordedActions {
     agents: usize,
-    action_dim: usize,
+    space: ActionSpace,
     values: Vec<f32>,
 }
 
@@ -91,12 +92,6 @@ impl RecordedActions {
     #[must_use]
     pub fn steps(&self) -> usize {
         self.len() / self.step_len()
-    }
-
-    /// Number of values of one agent's action.
-    #[must_use]
-    pub const fn action_dim(&self) -> usize {
-        self.action_dim
     }
 
     /// Number of recorded values.
@@ -119,21 +114,14 @@ impl RecordedActions {
     /// Converts the actions to an action log in single precision.
     #[must_use]
     pub fn to_log(&self) -> ActionLog {
-        let mut log = ActionLog::new(self.action_dim, Precision::F32);
-        let mut values = vec![0.0; self.action_dim];
-        for step in self.rows() {
-            for (agent, action) in (0u32..).zip(step.chunks_exact(self.action_dim)) {
-                values.iter_mut().zip(action).for_each(|(value, action)| *value = f64::from(*action));
-                log.push_entry(agent, &values);
-            }
-            log.end_step();
-        }
+        let mut log = ActionLog::new(self.space.dim(), Precision::F32);
+        self.rows().for_each(|step| log.push_by_agent(&self.space, step));
         log
     }
 
     /// Number of values of one step, at least 1.
     fn step_len(&self) -> usize {
-        (self.agents * self.action_dim).max(1)
+        (self.agents * self.space.dim()).max(1)
     }
 }
 
@@ -158,7 +146,7 @@ impl<I> AssignedEpisode<I> {
         let agents = (task.agents(scenario.recipe()) as usize).min(shape.agents);
         let len = task.horizon(scenario.recipe()) as usize * agents * shape.action;
         let values = Vec::with_capacity(len.min(INITIAL_ACTION_CAPACITY));
-        let actions = RecordedActions { agents, action_dim: shape.action, values };
+        let actions = RecordedActions { agents, space: task.action_space(), values };
         Self { id, scenario, actions, team_return: 0.0, version: 0 }
     }
 

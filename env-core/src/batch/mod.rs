@@ -12,7 +12,9 @@
 mod buffers;
 mod engine;
 pub mod episode_assigner;
+mod lane;
 mod rows;
+mod step;
 #[cfg(test)]
 mod tests;
 
@@ -21,7 +23,8 @@ use std::sync::Arc;
 use serde_json::Value;
 
 pub use self::buffers::{BatchBuffers, BatchOutput, LaneOutput};
-pub use self::engine::{BatchEngine, BatchLane};
+pub use self::engine::BatchEngine;
+pub use self::lane::{BatchLane, LaneStep};
 use crate::error::ScenarioError;
 use crate::scene::Scene;
 use crate::seed::{Seed, SeedSpace};
@@ -51,12 +54,12 @@ pub trait Batch: Send {
     /// Returns [`BatchError::Size`] if the buffer has the wrong size.
     fn observe(&mut self, observations: &mut [f32]) -> Result<(), BatchError>;
 
-    /// Advances each environment by one step. `actions` is `envs × agents × action`, clamped to the action space. Zeros are
-    /// hold; values for agents that have left are ignored.
+    /// Advances each environment by one step. `actions` is `envs × agents × action`. Values of a box are clamped to it; agents whose
+    /// values equal the space's hold have no entry in a log. Values for agents that have left are ignored.
     ///
     /// # Errors
-    /// Returns an error if a buffer has the wrong size, an action is not finite, or an episode is over and the batch does
-    /// not reset it; nothing changes then. Returns [`BatchError::Scenario`] if the next scenario of a slot cannot start.
+    /// Returns an error if a buffer has the wrong size, an action is not finite or not in a discrete space, or an episode is over
+    /// and the batch does not reset it; nothing changes then. Returns [`BatchError::Scenario`] if the next scenario of a slot cannot start.
     fn step(&mut self, actions: &[f32], out: BatchOutput<'_>) -> Result<(), BatchError>;
 
     /// The episode of an environment, or `None` if it has none.
@@ -285,6 +288,20 @@ pub enum BatchError {
         env: usize,
         /// Number of the agent.
         agent: usize,
+    },
+    /// An action is not one of a discrete space.
+    #[error(
+        "the action of agent {agent} in environment {env} must be a whole number from 0 to {last}, or -1 to go on, got {value}"
+    )]
+    UnknownAction {
+        /// Index of the environment.
+        env: usize,
+        /// Number of the agent.
+        agent: usize,
+        /// Value of the action.
+        value: f32,
+        /// Largest action.
+        last: usize,
     },
     /// An episode is over and the batch does not reset it.
     #[error("the episode of environment {env} is over; reset it")]

@@ -1,6 +1,6 @@
 //! Divides the buffers of a step among threads and environments.
 
-use super::{BatchOutput, BatchShape};
+use super::{BatchOutput, BatchShape, LaneOutput};
 
 /// The part of the buffers that one environment writes.
 pub(super) struct Row<'a> {
@@ -11,7 +11,33 @@ pub(super) struct Row<'a> {
     pub(super) terminated: &'a mut [bool],
     pub(super) truncated: &'a mut [bool],
     pub(super) done: &'a mut bool,
+    pub(super) elapsed: &'a mut [f32],
+    pub(super) needs_action: &'a mut [bool],
     pub(super) executed_actions: &'a mut [f32],
+}
+
+/// The part of a row that the lane does not write.
+pub(super) struct StepRow<'a> {
+    pub(super) observation: &'a mut [f32],
+    pub(super) final_observation: &'a mut [f32],
+    pub(super) done: &'a mut bool,
+}
+
+impl<'a> Row<'a> {
+    /// Divides the row into the buffers that a lane writes in a step and the rest.
+    pub(super) fn split(self) -> (LaneOutput<'a>, StepRow<'a>) {
+        let Self { observation, final_observation, done, .. } = self;
+        let out = LaneOutput {
+            rewards: self.rewards,
+            team_reward: self.team_reward,
+            terminated: self.terminated,
+            truncated: self.truncated,
+            elapsed: self.elapsed,
+            needs_action: self.needs_action,
+            executed_actions: self.executed_actions,
+        };
+        (out, StepRow { observation, final_observation, done })
+    }
 }
 
 /// The part of the buffers that one chunk of environments writes.
@@ -23,6 +49,8 @@ pub(super) struct Rows<'a> {
     terminated: &'a mut [bool],
     truncated: &'a mut [bool],
     done: &'a mut [bool],
+    elapsed: &'a mut [f32],
+    needs_action: &'a mut [bool],
     executed_actions: &'a mut [f32],
 }
 
@@ -36,6 +64,8 @@ impl<'a> From<BatchOutput<'a>> for Rows<'a> {
             terminated: out.terminated,
             truncated: out.truncated,
             done: out.done,
+            elapsed: out.elapsed,
+            needs_action: out.needs_action,
             executed_actions: out.executed_actions,
         }
     }
@@ -52,14 +82,18 @@ impl<'a> Rows<'a> {
             terminated: take_prefix(&mut self.terminated, envs * shape.agents),
             truncated: take_prefix(&mut self.truncated, envs * shape.agents),
             done: take_prefix(&mut self.done, envs),
+            elapsed: take_prefix(&mut self.elapsed, envs),
+            needs_action: take_prefix(&mut self.needs_action, envs * shape.agents),
             executed_actions: take_prefix(&mut self.executed_actions, envs * shape.agents * shape.action),
         }
     }
 
-    /// The rows one by one. Without final observations or executed actions, those of each row are empty.
+    /// The rows one by one. Buffers that the caller does not need are empty in each row.
     pub(super) fn rows(self, shape: BatchShape) -> impl Iterator<Item = Row<'a>> {
         let BatchShape { agents, action, observation, .. } = shape;
         let mut final_observations = self.final_observations.chunks_exact_mut(observation.max(1));
+        let mut elapsed = self.elapsed.chunks_exact_mut(1);
+        let mut needs_action = self.needs_action.chunks_exact_mut(agents);
         let mut executed_actions = self.executed_actions.chunks_exact_mut((agents * action).max(1));
         self.observations
             .chunks_exact_mut(observation.max(1))
@@ -76,6 +110,8 @@ impl<'a> Rows<'a> {
                 terminated,
                 truncated,
                 done,
+                elapsed: elapsed.next().unwrap_or_default(),
+                needs_action: needs_action.next().unwrap_or_default(),
                 executed_actions: executed_actions.next().unwrap_or_default(),
             })
     }

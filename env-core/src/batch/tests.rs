@@ -26,8 +26,9 @@ impl TestBatch {
         let mut batch = recipe.task().batch(source, config).unwrap();
         let shape = batch.shape();
         let mut buffers = BatchBuffers::new(shape, autoreset);
-        let BatchBuffers { observations, final_observations, rewards, team_rewards, .. } = &mut buffers;
-        for buffer in [&mut *observations, final_observations, rewards, team_rewards] {
+        let BatchBuffers { observations, final_observations, rewards, team_rewards, elapsed, .. } =
+            &mut buffers;
+        for buffer in [&mut *observations, final_observations, rewards, team_rewards, elapsed] {
             buffer.fill(f32::NAN);
         }
         batch.reset(None, observations).unwrap();
@@ -106,12 +107,13 @@ fn check_against_single_envs(recipe: &Arc<Recipe>, envs: usize, steps: usize) {
             let expected = &single.report;
             assert_eq!(test.buffers.done[env], expected.done, "{recipe:?} env {env} step {step}");
             assert_eq!(test.buffers.team_rewards[env].to_bits(), (expected.reward as f32).to_bits());
+            assert_eq!(test.buffers.elapsed[env].to_bits(), (expected.elapsed as f32).to_bits());
             for agent in &expected.agents {
                 let at = env * shape.agents + agent.agent as usize;
                 assert_eq!(test.buffers.rewards[at].to_bits(), (agent.reward as f32).to_bits());
                 assert_eq!(
-                    (test.buffers.terminated[at], test.buffers.truncated[at]),
-                    (agent.terminated, agent.truncated)
+                    (test.buffers.terminated[at], test.buffers.truncated[at], test.buffers.needs_action[at]),
+                    (agent.terminated, agent.truncated, agent.needs_action)
                 );
             }
             if expected.done {
@@ -191,6 +193,8 @@ fn autoreset_modes_match_gymnasium() {
                         && test.buffers.truncated.iter().all(|&cut| !cut)
                 );
                 assert_eq!(test.buffers.done, [false; 2]);
+                assert_eq!(test.buffers.elapsed, [0.0; 2]);
+                assert_eq!(test.buffers.needs_action, [true; 6]);
                 test.step(&actions).unwrap();
                 assert!(test.buffers.rewards.iter().all(|&r| r > 0.0));
             }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde_json::Value;
 
-use super::constants::{MAX_DEPUTIES, OBSERVATION_DIM, STATE_DIM};
+use super::constants::{MAX_DEPUTIES, OBSERVATION_DIM, STATE_DIM, STEP_S};
 use super::setup::{DeputyStarts, DockingSetup};
 use super::simulation::DockingSim;
 use crate::batch::{
@@ -58,7 +58,7 @@ pub(super) fn create_batch(
         recipe: Arc::clone(first.recipe()),
         agents,
     };
-    Ok(Box::new(BatchEngine::new(config, shape, source, lane)?))
+    Ok(Box::new(BatchEngine::new(config, shape, task.action_space(), source, lane)?))
 }
 
 /// Reads a recipe of this task.
@@ -121,6 +121,10 @@ impl BatchLane for DockingLane {
             out.terminated[agent] = !live;
             out.truncated[agent] =
                 before && self.sim.deputies().get(agent).is_some_and(|d| d.end_conditions.timeout);
+        }
+        out.elapsed.fill(STEP_S as f32);
+        for (needs_action, live) in out.needs_action.iter_mut().zip(live) {
+            *needs_action = live;
         }
         step.done
     }

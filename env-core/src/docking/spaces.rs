@@ -109,6 +109,7 @@ pub(super) fn choices() -> ActionGrid {
     ActionGrid {
         axes: Axes::World,
         rows: thrusts.collect(),
+        hold: Some(0),
         description: "coasting, then every combination of 0, 1 and -1 N along x, y and z, z changing first; more than the bound is \
                 clamped to it",
     }

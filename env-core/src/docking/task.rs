@@ -75,12 +75,16 @@ impl TaskSpec for DockingTask {
         recipe.param("time_limit_s").map_or(0, |limit| limit as u32)
     }
 
+    fn time_limit_s(&self, recipe: &Recipe) -> Option<f64> {
+        recipe.param("time_limit_s")
+    }
+
     fn agents(&self, recipe: &Recipe) -> u32 {
         recipe.param("deputies").map_or(1, |deputies| deputies as u32)
     }
 
     fn action_space(&self) -> ActionSpace {
-        ActionSpace { columns: &["fx", "fy", "fz"], low: -MAX_THRUST_N, high: MAX_THRUST_N, unit: "N" }
+        ActionSpace::new_box(&["fx", "fy", "fz"], -MAX_THRUST_N, MAX_THRUST_N, "N")
     }
 
     fn action_grid(&self) -> ActionGrid {

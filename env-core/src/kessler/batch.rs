@@ -10,7 +10,7 @@ use super::event::KesslerEvent;
 use super::reward::{Objective, score};
 use super::setup::{InitialState, KesslerSetup};
 use super::simulation::{KesslerSim, SatelliteStatus};
-use super::spaces::MAX_DEBRIS;
+use super::spaces::{ACTION_SPACE, MAX_DEBRIS};
 use super::tracks::TracksEncoder;
 use crate::batch::{
     Batch, BatchConfig, BatchEngine, BatchError, BatchLane, BatchShape, LaneOutput, ObservationMode,
@@ -65,7 +65,7 @@ pub(super) fn batch(
         let sim = KesslerSim::new(objective, Arc::clone(&setup), &InitialState::default(), rng);
         KesslerLane { task, axes: config.axes, sim, recipe: Arc::clone(recipe), observer: observer.clone() }
     };
-    Ok(Box::new(BatchEngine::new(config, shape, source, lane)?))
+    Ok(Box::new(BatchEngine::new(config, shape, ACTION_SPACE, source, lane)?))
 }
 
 /// Observation mode, with the memory it needs.
@@ -202,7 +202,11 @@ impl BatchLane for KesslerLane {
             out.rewards[i] = if stepped.active_before[i] { reward } else { 0.0 };
             out.terminated[i] = !alive;
             out.truncated[i] = alive && stepped.done;
+            if let Some(needs_action) = out.needs_action.get_mut(i) {
+                *needs_action = alive && !stepped.done;
+            }
         }
+        out.elapsed.fill(1.0);
         stepped.done
     }
 

@@ -2,8 +2,8 @@
 
 use std::sync::LazyLock;
 
-use super::constants::RADAR_NONE;
-use crate::space::{ActionGrid, Axes, Harder, Levels, ManualChoice, OptionSpec, ParamSpec};
+use super::constants::{MAX_BURN, RADAR_NONE};
+use crate::space::{ActionGrid, ActionSpace, Axes, Harder, Levels, ManualChoice, OptionSpec, ParamSpec};
 
 /// Largest number of debris bodies of a scenario, drawn and given together, and of threats in a *tracks*
 /// observation.
@@ -235,6 +235,10 @@ pub static FORMATION_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
 /// Sizes of the burns of the action grid, LU/TU: those of the blind panel.
 const GRID_BURN_SIZES: [f32; 4] = [0.05, 0.1, 0.2, 0.4];
 
+/// Action space of each satellite.
+pub(super) const ACTION_SPACE: ActionSpace =
+    ActionSpace::new_box(&["delta_vx", "delta_vy"], -MAX_BURN, MAX_BURN, "LU/TU");
+
 /// Action grid of each satellite: hold, and burns of each size prograde, radial out, retrograde and radial
 /// in.
 pub(super) fn action_grid() -> ActionGrid {
@@ -242,6 +246,7 @@ pub(super) fn action_grid() -> ActionGrid {
     ActionGrid {
         axes: Axes::Agent,
         rows: std::iter::once([0.0, 0.0]).chain(burns).map(Vec::from).collect(),
+        hold: Some(0),
         description: "hold, then burns of 0.05, 0.1, 0.2 and 0.4 LU/TU, each prograde, radial out, retrograde and radial in",
     }
 }

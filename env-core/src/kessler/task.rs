@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::constants::{EPSILON, GOAL_THRESHOLD, HORIZON, MAX_BURN, SATELLITES};
+use super::constants::{EPSILON, GOAL_THRESHOLD, HORIZON, SATELLITES};
 use super::episode::KesslerEpisode;
 use super::reward::Objective;
 use super::setup::KesslerSetup;
@@ -104,7 +104,7 @@ impl TaskSpec for KesslerTask {
     }
 
     fn action_space(&self) -> ActionSpace {
-        ActionSpace { columns: &["delta_vx", "delta_vy"], low: -MAX_BURN, high: MAX_BURN, unit: "LU/TU" }
+        spaces::ACTION_SPACE
     }
 
     fn agent_axes(&self) -> Option<&'static [&'static str]> {

@@ -56,7 +56,7 @@ mod tests {
         for task in crate::tasks() {
             let scenario = at_level(task.id(), 3, 5);
             let [mut local, mut remote] = [(); 2].map(|()| task.policy("heuristic", &scenario, 1).unwrap());
-            let log = || ActionLog::new(task.action_space().columns.len(), Precision::F64);
+            let log = || ActionLog::new(task.action_space().dim(), Precision::F64);
             let (mut local_log, mut remote_log) = (log(), log());
             let mut episode = task.start(&scenario).unwrap();
             let mut report = StepReport::default();

@@ -85,8 +85,13 @@ pub trait TaskSpec: Send + Sync {
         self.metadata().levels
     }
 
-    /// Number of steps after which an episode is truncated.
+    /// Largest number of steps of an episode, which is truncated after it.
     fn horizon(&self, recipe: &Recipe) -> u32;
+
+    /// Time after which an episode is truncated, s; `None` in a world that counts steps.
+    fn time_limit_s(&self, _: &Recipe) -> Option<f64> {
+        None
+    }
 
     /// Number of agents at the start of an episode.
     fn agents(&self, recipe: &Recipe) -> u32;

@@ -249,10 +249,7 @@ fn read_entry(recipe: &Arc<Recipe>, stored: StoredScenario, planner: u32) -> Res
         panel: stored.panel.into_iter().map(OutcomeRow::into_outcome).collect(),
         floor: stored.floor,
         reference: stored.reference.into_outcome(),
-        reference_plan: ActionLog::new(
-            recipe.task().action_space().columns.len(),
-            env_core::log::Precision::F64,
-        ),
+        reference_plan: ActionLog::new(recipe.task().action_space().dim(), env_core::log::Precision::F64),
     };
     Ok(SuiteEntry { part: stored.part, scenario, bracket })
 }

@@ -82,7 +82,7 @@ fn reply(bytes: &[u8]) -> bool {
     with_text(bytes, |text| {
         let reads = |codec: &&ActionCodec| match parse_action(text, codec, config()) {
             Ok(action) => {
-                let mut log = ActionLog::new(codec.task().action_space().columns.len(), Precision::F64);
+                let mut log = ActionLog::new(codec.task().action_space().dim(), Precision::F64);
                 wire_format(codec.task()).read_action(&action, &mut log).expect("the action is valid");
                 assert!(!action.to_string().contains("sk-secret"), "the action has the key");
                 true

@@ -68,7 +68,7 @@ fn first_tasks() -> impl Iterator<Item = &'static dyn TaskSpec> {
 
 fn reads_action(task: &'static dyn TaskSpec, action: &Value, precision: Precision) -> bool {
     let format = wire_format(task);
-    let dim = task.action_space().columns.len();
+    let dim = task.action_space().dim();
     let mut log = ActionLog::new(dim, precision);
     log.push_step(JointAction::HOLD);
     let before = log.clone();
@@ -122,7 +122,7 @@ fn action_seeds() -> Vec<Vec<u8>> {
         json!({}),
     ];
     for task in first_tasks() {
-        let mut log = ActionLog::new(task.action_space().columns.len(), Precision::F64);
+        let mut log = ActionLog::new(task.action_space().dim(), Precision::F64);
         log.push_entry(0, &[0.25, -0.5, 0.125]);
         log.push_entry(1, &[0.0, 1.0, 0.5]);
         log.end_step();

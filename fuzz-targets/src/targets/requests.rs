@@ -170,9 +170,9 @@ fn frame_seeds() -> Vec<Vec<u8>> {
 
 fn message_seeds() -> Vec<Vec<u8>> {
     json_seeds([
-        json!({"type": "open", "version": 1, "seed": 1, "task": "kessler/survival", "params": {"debris": 3},
+        json!({"type": "open", "version": 2, "seed": 1, "task": "kessler/survival", "params": {"debris": 3},
             "physics": {"contact": "swept"}}),
-        json!({"type": "open", "version": 1, "id": 3, "scenario": {"task": "docking/single", "seed": 4}}),
+        json!({"type": "open", "version": 2, "id": 3, "scenario": {"task": "docking/single", "seed": 4}}),
         json!({"type": "open", "run": "run", "lease_id": "1-aaaaaa", "group_id": "g", "group_size": 2, "policy_version": 0,
             "episode_id": "ep_1-aaaaaa_0"}),
         json!({"type": "open", "seed": 1, "vector": {"envs": 2, "autoreset": "next_step", "observe": "tracks", "threats": 4,

@@ -36,7 +36,7 @@ fn task(id: &str) -> &'static dyn TaskSpec {
 
 /// A log with one step.
 fn log_of_one_step(task: &dyn TaskSpec, precision: Precision) -> ActionLog {
-    let mut log = ActionLog::new(task.action_space().columns.len(), precision);
+    let mut log = ActionLog::new(task.action_space().dim(), precision);
     log.push_entry(0, &[0.5, 0.5, 0.5]);
     log.end_step();
     log

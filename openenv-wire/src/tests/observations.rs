@@ -61,7 +61,7 @@ fn check_rollout(scenario: &Scenario, policy: &str, max_steps: u32, fields: &mut
     let Ok(mut episode) = task.start(scenario) else { return };
     let schema = wire_format(task).observation_schema();
     let mut policy = task.policy(policy, scenario, 1).unwrap();
-    let mut log = ActionLog::new(task.action_space().columns.len(), Precision::F64);
+    let mut log = ActionLog::new(task.action_space().dim(), Precision::F64);
     let mut report = StepReport::default();
     let mut out = b"before".to_vec();
     assert_eq!(episode.last_reward(), 0.0);

@@ -115,7 +115,7 @@ impl<'a> EpisodeRecorder<'a> {
             budget,
             agents: task.agents(scenario.recipe()),
             episode: task.start(scenario)?,
-            log: ActionLog::new(task.action_space().columns.len(), Precision::F64),
+            log: ActionLog::new(task.action_space().dim(), Precision::F64),
             report: StepReport::default(),
             steps: Vec::new(),
         })

@@ -189,7 +189,7 @@ impl Session {
         self.resets += 1;
         let judge = self.judges.resolve(reservation.as_ref().and_then(|reservation| reservation.judge));
         let running = RunningEpisode {
-            log: ActionLog::new(scenario.task().action_space().columns.len(), Precision::F64),
+            log: ActionLog::new(scenario.task().action_space().dim(), Precision::F64),
             scenario,
             episode,
             report: StepReport::default(),

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use env_core::batch::{Autoreset, Batch, BatchBuffers, BatchConfig, BatchError, BatchOutput, ScenarioSource};
 use env_core::log::ActionLog;
 use env_core::policy::{Policy, PolicyError};
+use env_core::space::ActionSpace;
 use env_core::{Recipe, Scenario};
 
 use super::network::Network;
@@ -47,6 +48,7 @@ pub(super) struct OnnxEpisode {
     name: String,
     network: Arc<Network>,
     batch: Box<dyn Batch>,
+    space: ActionSpace,
     buffers: BatchBuffers,
     executed: Vec<f32>,
     steps: usize,
@@ -58,6 +60,7 @@ impl OnnxEpisode {
         name: String,
         network: Arc<Network>,
         mut batch: Box<dyn Batch>,
+        space: ActionSpace,
     ) -> Result<Self, PolicyError> {
         let shape = batch.shape();
         let mut buffers = BatchBuffers::new(shape, Autoreset::Disabled);
@@ -65,15 +68,15 @@ impl OnnxEpisode {
             BatchError::Scenario { source, .. } => PolicyError::Scenario(source),
             other => PolicyError::Act { name: name.clone(), reason: other.to_string() },
         })?;
-        Ok(Self { name, network, batch, buffers, executed: vec![0.0; shape.agents * shape.action], steps: 0 })
+        let executed = vec![space.hold; shape.agents * shape.action];
+        Ok(Self { name, network, batch, space, buffers, executed, steps: 0 })
     }
 
-    /// Steps the own environment by the network's actions, and returns them along the world's axes.
-    fn step(&mut self) -> Result<&[f32], String> {
+    /// Steps the own environment by the network's actions, along the world's axes.
+    fn step(&mut self) -> Result<(), String> {
         let actions = self.network.act(&self.buffers.observations)?;
         let output = BatchOutput { executed_actions: &mut self.executed, ..self.buffers.output() };
-        self.batch.step(&actions, output).map_err(|error| error.to_string())?;
-        Ok(&self.executed)
+        self.batch.step(&actions, output).map_err(|error| error.to_string())
     }
 }
 
@@ -81,15 +84,8 @@ impl Policy for OnnxEpisode {
     fn act(&mut self, _: &dyn Any, log: &mut ActionLog) -> Result<(), PolicyError> {
         self.steps += 1;
         let (name, step) = (self.name.clone(), self.steps);
-        let executed = self
-            .step()
-            .map_err(|reason| PolicyError::Act { name, reason: format!("step {step}: {reason}") })?;
-        let dim = log.dim().max(1);
-        for (agent, action) in (0_u32..).zip(executed.chunks_exact(dim)) {
-            let values: Vec<f64> = action.iter().map(|value| f64::from(*value)).collect();
-            log.push_entry(agent, &values);
-        }
-        log.end_step();
+        self.step().map_err(|reason| PolicyError::Act { name, reason: format!("step {step}: {reason}") })?;
+        log.push_by_agent(&self.space, &self.executed);
         Ok(())
     }
 }

@@ -84,7 +84,7 @@ impl OnnxPolicy {
             }
         };
         let batch = if network.is_discrete() { create(true).map_err(unfit)? } else { batch };
-        OnnxEpisode::start(self.name.clone(), network, batch)
+        OnnxEpisode::start(self.name.clone(), network, batch, task.action_space())
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, HashMap<NetworkKey, Arc<Network>>> {

@@ -101,7 +101,8 @@ fn own_environment_follows_the_episode() {
             let actions = network.act(&buffers.observations).unwrap();
             let output = BatchOutput { executed_actions: &mut executed, ..buffers.output() };
             batch.step(&actions, output).unwrap();
-            let logged = rollout.log.step(steps).values;
+            let space = scenario.task().action_space();
+            let logged = rollout.log.step(steps).by_agent(&space, batch.shape().agents);
             assert!(
                 logged.iter().map(|value| *value as f32).eq(executed.iter().copied()),
                 "{name}, step {steps}"

@@ -107,6 +107,7 @@ impl NativeBatch {
         let shape = batch.shape();
         let leading_axes = if single { &[][..] } else { &[envs][..] };
         let action_shape = if discrete { vec![shape.agents] } else { vec![shape.agents, shape.action] };
+        let hold = task.action_space().hold;
         let assigner = assigned.map(|assigned| EpisodeAssigner::new(assigned, shape, config.autoreset));
         Ok(Self {
             task,
@@ -119,7 +120,7 @@ impl NativeBatch {
             action_shape: [leading_axes, &action_shape].concat(),
             choices: choices.map(|choices| choices.rows),
             curriculum: client,
-            state: Mutex::new(BatchState::new(batch, config.autoreset, assigner)),
+            state: Mutex::new(BatchState::new(batch, config.autoreset, hold, assigner)),
             outputs: Mutex::new(OutputArrays::new(leading_axes, shape, config.observe)),
         })
     }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use env_core::batch::episode_assigner::RecordedActions;
+use env_core::log::JointAction;
 use serde_json::{Value, json};
 
 use super::episode_queue::{ColumnLease, EpisodeCounts, EpisodeResult, Submission};
@@ -293,17 +294,17 @@ fn audited_episodes<'a>(columns: &'a ColumnLease, claim: &Value) -> Vec<(String,
 
 /// Action log as JSON, without entries of agents that hold.
 fn action_log(actions: &RecordedActions) -> Value {
-    let step = |step: &[f32]| -> Vec<Value> {
-        let entries = step.chunks_exact(actions.action_dim()).enumerate();
-        let active = entries.filter(|(_, values)| values.iter().any(|value| *value != 0.0));
-        active
+    let log = actions.to_log();
+    let step = |step: JointAction<'_>| -> Vec<Value> {
+        let entries = step.agents.iter().zip(step.values.chunks_exact(log.dim().max(1)));
+        entries
             .map(|(agent, values)| {
-                let values = values.iter().map(|value| json!(f64::from(*value)));
+                let values = values.iter().map(|value| json!(value));
                 Value::Array(std::iter::once(json!(agent)).chain(values).collect())
             })
             .collect()
     };
-    json!({"steps": actions.rows().map(step).collect::<Vec<_>>(), "precision": "f32"})
+    json!({"steps": log.steps().map(step).collect::<Vec<_>>(), "precision": "f32"})
 }
 
 fn add_statuses(counts: &mut EpisodeCounts, statuses: &BTreeMap<String, u64>) {

@@ -75,7 +75,7 @@ class Session:
         self._socket: ClientConnection | None = None
         self._stack = contextlib.ExitStack()
         #: Answer to `open`: task, scenario, episode and the first observation.
-        self.opened = self._send({"type": "open", "version": 1, **request})
+        self.opened = self._send({"type": "open", "version": 2, **request})
 
     def step(self, action: dict[str, Any]) -> dict[str, Any]:
         """Runs one step; returns the message `stepped`.

@@ -39,7 +39,7 @@ impl Trainer {
         let mut id = self.seed << 32;
         while self.is_running() {
             let mut session = SessionClient::default();
-            let mut message = json!({"type": "open", "version": 1, "run": RUN});
+            let mut message = json!({"type": "open", "version": 2, "run": RUN});
             while self.is_running() {
                 let Some(reply) = session.request(&self, &message).await? else { break };
                 if reply["type"] == "error" {
@@ -76,7 +76,7 @@ impl Trainer {
     async fn step_lease(&self, lease: &Lease) -> anyhow::Result<()> {
         let vector = json!({"envs": ENVS, "observe": "tracks", "task": lease.0["groups"][0]["task"]});
         let open =
-            json!({"type": "open", "version": 1, "run": RUN, "lease_id": lease.id(), "vector": vector});
+            json!({"type": "open", "version": 2, "run": RUN, "lease_id": lease.id(), "vector": vector});
         let mut session = SessionClient::default();
         let Some(opened) = session.request(self, &open).await?.filter(|reply| reply["type"] == "opened")
         else {
@@ -193,7 +193,7 @@ impl SessionClient {
 /// Builds a frame of actions that are all zero.
 fn action_frame(sequence: u32, bytes: usize) -> Vec<u8> {
     let mut frame = b"SPVF".to_vec();
-    frame.extend(1_u16.to_le_bytes()); // version
+    frame.extend(2_u16.to_le_bytes()); // version
     frame.extend(1_u16.to_le_bytes()); // kind: actions
     frame.extend(sequence.to_le_bytes());
     frame.extend((ENVS as u32).to_le_bytes());

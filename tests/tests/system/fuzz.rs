@@ -281,8 +281,8 @@ async fn mutated_messages_never_fail_the_server() {
     let api = server.api();
     let _ = api.post("/v1/runs", json!({"id": "run"})).await.expect(201);
     let opening =
-        json!({"type": "open", "version": 1, "seed": 1, "task": "kessler/survival", "params": {"debris": 3}});
-    let vector = json!({"type": "open", "version": 1, "seed": 1, "vector": {"envs": 2, "autoreset": "next_step", "observe": "tracks"}});
+        json!({"type": "open", "version": 2, "seed": 1, "task": "kessler/survival", "params": {"debris": 3}});
+    let vector = json!({"type": "open", "version": 2, "seed": 1, "vector": {"envs": 2, "autoreset": "next_step", "observe": "tracks"}});
     let step = json!({"type": "step", "id": 1, "action": {"burns": [{"satellite_id": 0, "delta_vx": 0.1, "delta_vy": 0}]}});
     let reset = json!({"type": "reset", "data": {"seed": 1, "task": "survival"}});
     let call = json!({"jsonrpc": "2.0", "id": 1, "method": "openenv/session/create", "params": {"seed": 1}});

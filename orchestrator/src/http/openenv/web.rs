@@ -27,7 +27,7 @@ const PAGE: &str = include_str!("page.html");
 static PAGE_WITH_TASKS: LazyLock<String> = LazyLock::new(|| {
     // Each option has an example action in its world's format.
     let option = |task: &'static dyn env_core::TaskSpec| {
-        let mut log = ActionLog::new(task.action_space().columns.len(), Precision::F64);
+        let mut log = ActionLog::new(task.action_space().dim(), Precision::F64);
         log.push_entry(0, &[0.1]);
         log.end_step();
         let action = openenv_wire::wire_format(task).write_action(log.step(0)).replace('"', "&quot;");

@@ -147,9 +147,7 @@ pub(super) async fn replay_episode(
         ReplayPlan::Agent => {
             found.log.ok_or_else(|| ServiceError::UnknownEpisode(format!("{episode} with actions")))?
         }
-        ReplayPlan::Hold => {
-            ActionLog::new(found.scenario.task().action_space().columns.len(), Precision::F64)
-        }
+        ReplayPlan::Hold => ActionLog::new(found.scenario.task().action_space().dim(), Precision::F64),
         ReplayPlan::Reference => match brackets::newest(&mut conn, &found.group.scenario).await? {
             Some(bracket) => bracket.reference_plan,
             None => return Err(ServiceError::UnknownEpisode(format!("{episode} with a reference")).into()),

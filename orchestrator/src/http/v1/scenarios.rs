@@ -111,7 +111,7 @@ fn evaluate(
     // `None` means that the client has disconnected.
     let admission = admit_while(scenario, wanted).ok_or_else(Problem::timed_out)?;
     let (mut replayed, mut critique) = (None, None);
-    let mut log = ActionLog::new(scenario.task().action_space().columns.len(), Precision::F64);
+    let mut log = ActionLog::new(scenario.task().action_space().dim(), Precision::F64);
     if let (Some(actions), Some(bracket)) = (actions, &admission.bracket) {
         let stopped = actions.stopped.map(stop_reason);
         log = read_log(scenario, &actions.steps, precision(actions.precision), stopped)

@@ -2,11 +2,11 @@
 
 use api_types::{
     BuiltInPolicy, HarderDirection, LevelTable, ManualPhysicsChoice, PhysicsOption, PhysicsOptionType, Task,
-    TaskActionSpace, TaskFailureMode, TaskList, TaskParam, TaskScoreRange, TaskSpeedBands,
+    TaskActionKind, TaskActionSpace, TaskFailureMode, TaskList, TaskParam, TaskScoreRange, TaskSpeedBands,
 };
 use env_core::critique::{FailureModeSpec, SpeedBands};
 use env_core::policy::PolicySpec;
-use env_core::space::{ActionSpace, Harder, Levels, OptionSpec, ParamSpec, ScoreRange};
+use env_core::space::{ActionKind, ActionSpace, Harder, Levels, OptionSpec, ParamSpec, ScoreRange};
 use env_core::{Recipe, TaskSpec};
 
 use crate::http::extract::NoQuery;
@@ -34,6 +34,7 @@ fn task_response(task: &'static dyn TaskSpec) -> Result<Task, Problem> {
         levels: level_table(task.levels()),
         agents: task.agents(&recipe),
         horizon: task.horizon(&recipe),
+        time_limit_s: task.time_limit_s(&recipe),
         actions: action_space(&task.action_space()),
         score: score_range(task.score_range()),
         policies: task.policies().iter().map(built_in_policy).collect(),
@@ -86,10 +87,16 @@ fn level_table(levels: &Levels) -> LevelTable {
 
 fn action_space(space: &ActionSpace) -> TaskActionSpace {
     TaskActionSpace {
+        kind: match space.kind {
+            ActionKind::Box => TaskActionKind::Box,
+            ActionKind::Discrete { .. } => TaskActionKind::Discrete,
+        },
+        names: to_strings(space.names()),
         columns: to_strings(space.columns),
         low: space.low,
         high: space.high,
         unit: space.unit.to_owned(),
+        hold: f64::from(space.hold),
     }
 }
 

@@ -23,6 +23,7 @@ pub(crate) struct EnvBatch {
     final_observations: Vec<f32>,
     terminated: Vec<bool>,
     truncated: Vec<bool>,
+    needs_action: Vec<bool>,
     done: Vec<bool>,
     /// Buffer of the frame before the last one, reused for the next frame if no reader holds it.
     spare: Arc<Vec<f32>>,
@@ -49,6 +50,7 @@ struct ReplyParts<'a> {
     observations: &'a mut [f32],
     rewards: &'a mut [f32],
     team_rewards: &'a mut [f32],
+    elapsed: &'a mut [f32],
     /// Episode indices, flags and final observations, as bytes.
     rest: &'a mut [f32],
 }
@@ -59,8 +61,9 @@ impl<'a> ReplyParts<'a> {
         let (header, buffer) = buffer.split_at_mut(HEADER_BYTES / 4);
         let (observations, buffer) = buffer.split_at_mut(envs * observation);
         let (rewards, buffer) = buffer.split_at_mut(envs * agents);
-        let (team_rewards, rest) = buffer.split_at_mut(envs);
-        Self { header, observations, rewards, team_rewards, rest }
+        let (team_rewards, buffer) = buffer.split_at_mut(envs);
+        let (elapsed, rest) = buffer.split_at_mut(envs);
+        Self { header, observations, rewards, team_rewards, elapsed, rest }
     }
 }
 
@@ -77,6 +80,7 @@ impl EnvBatch {
             final_observations: vec![0.0; if has_finals { envs * observation } else { 0 }],
             terminated: vec![false; envs * agents],
             truncated: vec![false; envs * agents],
+            needs_action: vec![true; envs * agents],
             done: vec![false; envs],
             spare: buffer(),
             current: buffer(),
@@ -90,7 +94,7 @@ impl EnvBatch {
         3 * layout.max_reply_bytes()
             + finals
             + 2 * layout.actions_bytes()
-            + layout.envs * (layout.agents * 2 + 1)
+            + layout.envs * (layout.agents * 3 + 1)
     }
 
     /// Returns the names of the values of an observation.
@@ -132,12 +136,15 @@ impl EnvBatch {
         }
         parts.rewards.fill(0.0);
         parts.team_rewards.fill(0.0);
+        parts.elapsed.fill(0.0);
         self.truncated.fill(false);
         self.done.fill(false);
         let agents = self.layout.agents;
         for (env, terminated) in self.terminated.chunks_exact_mut(agents).enumerate() {
             if mask.is_none_or(|mask| mask[env]) {
                 self.batch.mark_absent_agents(env, terminated);
+                let needs_action = &mut self.needs_action[env * agents..(env + 1) * agents];
+                needs_action.iter_mut().zip(terminated).for_each(|(needs, left)| *needs = !*left);
             }
         }
         if let Some(assigner) = &mut self.assigner {
@@ -164,6 +171,8 @@ impl EnvBatch {
                 terminated: &mut self.terminated,
                 truncated: &mut self.truncated,
                 done: &mut self.done,
+                elapsed: &mut *parts.elapsed,
+                needs_action: &mut self.needs_action,
                 executed_actions: &mut [],
             },
         );
@@ -200,7 +209,7 @@ impl EnvBatch {
                 *cell = index.to_le_bytes();
             }
         }
-        for flags in [&self.terminated, &self.truncated] {
+        for flags in [&self.terminated, &self.truncated, &self.needs_action] {
             take_padded(&mut rest, flags.len())[..flags.len()].copy_from_slice(bytemuck::cast_slice(flags));
         }
         for (env, flags) in take_padded(&mut rest, envs)[..envs].iter_mut().enumerate() {

@@ -8,7 +8,7 @@
 use serde_json::{Value, json};
 
 /// Version of the frames, and of the text messages around them.
-pub const FRAME_VERSION: u16 = 1;
+pub const FRAME_VERSION: u16 = 2;
 /// First bytes of every frame.
 pub const MAGIC: [u8; 4] = *b"SPVF";
 /// Size of the header in bytes.
@@ -151,11 +151,13 @@ impl FrameLayout {
         push("observations", "<f4", &[envs, observation]);
         push("rewards", "<f4", &[envs, agents]);
         push("team_rewards", "<f4", &[envs]);
+        push("elapsed", "<f4", &[envs]);
         if self.is_leased {
             push("episodes", "<i4", &[envs]);
         }
         push("terminated", "|u1", &[envs, agents]);
         push("truncated", "|u1", &[envs, agents]);
+        push("needs_action", "|u1", &[envs, agents]);
         push("flags", "|u1", &[envs]);
         if self.has_finals {
             let shape = vec![None, Some(observation)];
@@ -269,14 +271,16 @@ mod tests {
             ("observations", 16),
             ("rewards", 76),
             ("team_rewards", 112),
-            ("episodes", 124),
-            ("terminated", 136),
-            ("truncated", 148),
-            ("flags", 160),
-            ("final_observations", 164),
+            ("elapsed", 124),
+            ("episodes", 136),
+            ("terminated", 148),
+            ("truncated", 160),
+            ("needs_action", 172),
+            ("flags", 184),
+            ("final_observations", 188),
         ];
         assert_eq!(offsets, expected);
-        assert_eq!((LAYOUT.reply_bytes(), LAYOUT.max_reply_bytes()), (164, 224));
+        assert_eq!((LAYOUT.reply_bytes(), LAYOUT.max_reply_bytes()), (188, 248));
         assert_eq!(LAYOUT.actions_bytes(), 16 + 72);
     }
 
@@ -299,7 +303,7 @@ mod tests {
         assert_eq!(field(&frame(1, 1, 73)), "length");
         assert_eq!(field(&frame(3, 1, 3)), "length");
         assert_eq!(field(&with(0, b'X')), "magic");
-        assert_eq!(field(&with(4, 2)), "version");
+        assert_eq!(field(&with(4, 1)), "version");
         assert_eq!(field(&with(6, 2)), "kind");
         assert_eq!(field(&with(12, 4)), "envs");
     }

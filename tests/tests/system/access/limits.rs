@@ -67,7 +67,7 @@ async fn open_sessions_up_to_limit(api: &ApiClient, token: &str) -> Vec<Socket> 
     let mut sessions = Vec::new();
     for index in 0..3 {
         let mut socket = connect(api.base(), "/v1/sessions", Some(token)).await.unwrap();
-        let open = json!({"type": "open", "version": 1, "seed": index});
+        let open = json!({"type": "open", "version": 2, "seed": index});
         socket.send(Message::text(open.to_string())).await.unwrap();
         let reply = next_message(&mut socket).await;
         assert_eq!(reply["type"] == "error", index == 2, "{reply}");

@@ -113,7 +113,7 @@ async fn sessions_on_another_principals_lease_are_refused() {
             _ => reply.to_string().contains("no member"),
         };
         for vector in [Value::Null, json!({"envs": 1, "autoreset": "next_step", "observe": "tracks"})] {
-            let mut open = json!({"type": "open", "version": 1, "vector": vector});
+            let mut open = json!({"type": "open", "version": 2, "vector": vector});
             open.as_object_mut().unwrap().extend(in_lease.as_object().unwrap().clone());
             let reply = TestSocket::connect(api, "/v1/sessions").await.request(&open).await;
             assert_eq!((&reply["type"], &reply["code"]), (&json!("error"), &json!(code)), "{reply}");

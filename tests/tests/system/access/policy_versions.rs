@@ -76,7 +76,7 @@ async fn session_does_not_name_a_version_far_above() {
     let requests: [Value; 2] = [json!({"run": "run"}), json!({"run": "run", "group_id": "g"})];
     let with_lease = json!({"run": "run", "lease_id": lease.id()});
     for mut open in requests.into_iter().chain([with_lease]) {
-        let fields = json!({"type": "open", "version": 1, "policy_version": u32::MAX});
+        let fields = json!({"type": "open", "version": 2, "policy_version": u32::MAX});
         open.as_object_mut().unwrap().extend(fields.as_object().unwrap().clone());
         let reply = TestSocket::connect(&member, "/v1/sessions").await.request(&open).await;
         assert_eq!(

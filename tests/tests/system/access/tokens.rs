@@ -137,7 +137,7 @@ async fn revoked_token_loses_its_connections() {
         let (base, token) = (api.base().to_owned(), token.to_owned());
         async move {
             let mut session = connect(&base, "/v1/sessions", Some(&token)).await.unwrap();
-            let wish = json!({"type": "open", "version": 1, "seed": 1});
+            let wish = json!({"type": "open", "version": 2, "seed": 1});
             session.send(Message::text(wish.to_string())).await.unwrap();
             let key = next_message(&mut session).await["session"].as_str().unwrap().to_owned();
             let mut openenv = connect(&base, "/ws", Some(&token)).await.unwrap();

@@ -102,7 +102,7 @@ async fn session_reports_its_episode_after_a_long_lock() {
     let api = server.api();
     let _ = start_run(&api).await;
     let mut socket = TestSocket::connect(&api, "/v1/sessions").await;
-    let opened = socket.request(&json!({"type": "open", "version": 1, "run": "run"})).await;
+    let opened = socket.request(&json!({"type": "open", "version": 2, "run": "run"})).await;
     assert_eq!(opened["type"], "opened", "{opened}");
     let mut other = SqliteConnectOptions::new().filename(server.db()).connect().await.unwrap();
     sqlx::query("BEGIN IMMEDIATE").execute(&mut other).await.unwrap();

@@ -130,7 +130,7 @@ impl RunningEpisode {
             Some(thrusts) => thrusts.iter().map(entry).collect(),
             None => data["burns"].clone(),
         };
-        let mut log = ActionLog::new(self.task.action_space().columns.len(), Precision::F64);
+        let mut log = ActionLog::new(self.task.action_space().dim(), Precision::F64);
         self.task
             .read_step(&step, &mut log)
             .map_err(|fault| error_frame(&fault.to_string(), "VALIDATION_ERROR"))?;

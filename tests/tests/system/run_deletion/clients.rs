@@ -38,11 +38,11 @@ async fn sessions_of_a_deleted_run_cannot_step() {
     create(&api, "gone", json!({})).await;
     let lease = api.lease("gone", json!({"groups": 4})).await;
     let mut single = TestSocket::connect(&api, "/v1/sessions").await;
-    let opened = single.request(&json!({"type": "open", "version": 1, "run": "gone"})).await;
+    let opened = single.request(&json!({"type": "open", "version": 2, "run": "gone"})).await;
     assert_eq!(opened["type"], "opened", "{opened}");
     let mut vector = TestSocket::connect(&api, "/v1/sessions").await;
     let open =
-        json!({"type": "open", "version": 1, "run": "gone", "lease_id": lease.id(), "vector": {"envs": 2}});
+        json!({"type": "open", "version": 2, "run": "gone", "lease_id": lease.id(), "vector": {"envs": 2}});
     let opened = vector.request(&open).await;
     assert_eq!(opened["type"], "opened", "{opened}");
     let first = vector.receive_bytes().await;

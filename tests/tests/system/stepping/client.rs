@@ -61,7 +61,7 @@ impl SessionSocket {
 /// Builds an `open` message with these options.
 pub(crate) fn open_message(mut options: Value) -> Value {
     options["type"] = json!("open");
-    options["version"] = json!(1);
+    options["version"] = json!(2);
     options
 }
 
@@ -79,16 +79,18 @@ pub(crate) struct StepFrame {
     pub(crate) observations: Vec<f32>,
     pub(crate) rewards: Vec<f32>,
     pub(crate) team_rewards: Vec<f32>,
+    pub(crate) elapsed: Vec<f32>,
     pub(crate) episodes: Vec<i32>,
     pub(crate) terminated: Vec<u8>,
     pub(crate) truncated: Vec<u8>,
+    pub(crate) needs_action: Vec<u8>,
     pub(crate) flags: Vec<u8>,
     pub(crate) final_observations: Vec<f32>,
 }
 
 pub(crate) fn frame_header(kind: u16, sequence: u32, envs: u32) -> Vec<u8> {
     let mut bytes = b"SPVF".to_vec();
-    bytes.extend(1u16.to_le_bytes());
+    bytes.extend(2u16.to_le_bytes());
     bytes.extend(kind.to_le_bytes());
     bytes.extend(sequence.to_le_bytes());
     bytes.extend(envs.to_le_bytes());
@@ -166,9 +168,11 @@ impl VectorSession {
             observations: floats("observations"),
             rewards: floats("rewards"),
             team_rewards: floats("team_rewards"),
+            elapsed: floats("elapsed"),
             episodes: bytes("episodes").as_chunks::<4>().0.iter().map(|c| i32::from_le_bytes(*c)).collect(),
             terminated: bytes("terminated"),
             truncated: bytes("truncated"),
+            needs_action: bytes("needs_action"),
             flags: bytes("flags"),
             final_observations,
         }

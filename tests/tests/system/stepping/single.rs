@@ -166,8 +166,8 @@ fn invalid_open_messages() -> InvalidMessages {
     vec![
         (json!({"type": "step", "id": 1, "action": {}}), "unknown_type", "type"),
         (json!({"type": "open"}), "invalid", "version"),
-        (json!({"type": "open", "version": 2}), "unsupported_version", "version"),
-        (json!({"version": 1}), "invalid", "type"),
+        (json!({"type": "open", "version": 3}), "unsupported_version", "version"),
+        (json!({"version": 2}), "invalid", "type"),
         (json!([1]), "invalid", "message"),
         (open_message(json!({"sede": 1})), "invalid", "sede"),
         (open_message(json!({"seed": evaluation})), "invalid", "seed"),

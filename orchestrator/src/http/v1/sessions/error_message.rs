@@ -162,7 +162,9 @@ fn batch_error(error: &BatchError) -> ErrorMessage {
     match error {
         BatchError::Config { field, .. } => ErrorMessage::invalid(format!("vector.{field}"), words),
         BatchError::Unsupported(_) => ErrorMessage::invalid("vector.observe", words),
-        BatchError::NotFinite { .. } => ErrorMessage::new("invalid_frame", words).at("actions"),
+        BatchError::NotFinite { .. } | BatchError::UnknownAction { .. } => {
+            ErrorMessage::new("invalid_frame", words).at("actions")
+        }
         BatchError::Ended { .. } => ErrorMessage::new("episode_over", words).at("actions"),
         BatchError::Size { buffer, .. } => ErrorMessage::new("invalid_frame", words).at(*buffer),
         BatchError::Scenario { source, .. } => {

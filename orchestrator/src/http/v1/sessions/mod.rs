@@ -27,7 +27,7 @@ use crate::sessions::vector::frame::MAX_REQUEST_BYTES;
 
 /// Connect to a session on the server over a WebSocket.
 ///
-/// The first message opens a session: `{"type": "open", "version": 1, …}`, with the fields of an OpenEnv reset (`task`, `params`,
+/// The first message opens a session: `{"type": "open", "version": 2, …}`, with the fields of an OpenEnv reset (`task`, `params`,
 /// `physics`, `seed`, `scenario`, or `run`, `lease_id`, `group_id`). With `vector` the session has many environments, which binary
 /// frames step. A client that lost its connection resumes the session by `{"type": "resume", "session": …}` instead.
 /// `docs/reference/stepping.md` describes all messages and frames.
