@@ -119,7 +119,7 @@ pub struct ManualPhysicsChoice {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TaskActionKind {
-    /// Numbers within bounds.
+    /// Numbers within the bounds.
     Box,
     /// The index of one of several actions.
     Discrete,

@@ -191,7 +191,7 @@ impl Levels {
 /// Kind of an action's values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ActionKind {
-    /// Numbers within bounds.
+    /// Numbers within the bounds.
     Box,
     /// The index of one of several actions.
     Discrete {

@@ -300,7 +300,7 @@ pub enum BatchError {
         agent: usize,
         /// Value of the action.
         value: f32,
-        /// Largest action.
+        /// Largest action of the space.
         last: usize,
     },
     /// An episode is over and the batch does not reset it.
