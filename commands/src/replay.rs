@@ -5,13 +5,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, anyhow, bail, ensure};
-use env_core::World;
+use env_core::RecordedWorld;
 use env_core::world::{FirstDifference, RecordingComparison, WorstDifference};
 use serde::Serialize;
 use serde_json::Value;
 
 use super::output::{self, Column, JsonFlag, Report, TextTable};
-use super::worlds;
 use crate::files;
 
 /// Replay recorded episodes and compare every number.
@@ -19,7 +18,8 @@ use crate::files;
 /// Each file holds episodes recorded in the public original of a world, with actions, random draws and the state after every
 /// step. The command replays them in the original's arithmetic with the same draws. It compares numbers within the tolerance
 /// and text exactly. The exit code is 1 if a number differs by more than the tolerance or a text differs. Intended
-/// differences that the world documents are listed, but do not count.
+/// differences that the world documents are listed, but do not count. tasking replays recordings of BSK-RL and has a tolerance
+/// of its own for each quantity.
 #[derive(Debug, clap::Args)]
 #[command(after_help = AFTER_HELP)]
 pub struct Args {
@@ -38,12 +38,14 @@ JSON (--json): one object {tolerance, files}. Each file: {file, world, within, e
 documented} and the worst absolute difference of each of the world's quantities under its name (null: not a finite number), \
 which are satellite, debris, reward and total_score for kessler; state, observation, reward_distance, reward_delta_v, \
 reward_velocity, reward_success, reward_failure, reward, return and done for docking (done is 1 where a flag or a reason \
-differs). allowed has the largest accepted difference under the same names: the tolerance, or the precision of the recording if \
-that is larger. first is the first step that differs, {episode (from 0), step (from 1), what}, or null; documented is a list of \
+differs); step_end, reward, storage, battery, attitude, rate, wheel_speed, position, net_power, motor_torque, thruster_time, \
+observation, window and outcome for tasking (outcome is 1 where an image, a flag, a pair or an order differs). allowed has the largest accepted difference under the same names: the tolerance, or the precision of the recording or the \
+world's own tolerance if that is larger. first is the first step that differs, {episode (from 0), step (from 1), what}, or null; documented is a list of \
 sentences.
 
-Example:
-  sparring replay kessler-episodes.json.gz --tolerance 1e-12";
+Examples:
+  sparring replay kessler-episodes.json.gz --tolerance 1e-12
+  sparring replay bsk-rl-episode.json.gz --json";
 
 /// Largest recording in bytes of unpacked JSON.
 const MAX_RECORDING_BYTES: u64 = 1 << 30;
@@ -170,14 +172,15 @@ fn compare_recording(recording: &Value, path: &Path, tolerance: f64) -> anyhow::
     let none = |value: &Value| value.as_array().is_some_and(Vec::is_empty);
     ensure!(!recording.get("episodes").is_some_and(none), "it holds no episodes");
     let file = path.display().to_string();
-    for world in env_core::worlds() {
+    for world in env_core::recorded_worlds() {
         if let Some(compared) = world.compare_recording(recording, tolerance) {
             let compared = compared?;
             ensure!(compared.episodes > 0, "it holds no episodes");
-            return Ok(FileComparison { file, world: World::name(world), compared });
+            return Ok(FileComparison { file, world: world.name(), compared });
         }
     }
-    bail!("it is not a recording of a world known here ({})", worlds::names().join(", "))
+    let names: Vec<_> = env_core::recorded_worlds().map(RecordedWorld::name).collect();
+    bail!("it is not a recording of a world known here ({})", names.join(", "))
 }
 
 /// Reads a JSON file and unpacks it if it has a gzip header, regardless of its name.
@@ -203,8 +206,8 @@ fn read(path: &Path) -> anyhow::Result<Value> {
 fn text_report(judged: &[FileComparison], tolerance: f64) -> Report {
     let mut report = Report::default();
     report.paragraph(format!(
-        "Largest differences and the allowed ones: the tolerance of {tolerance:e}, or the precision of the recording if \
-         that is larger."
+        "Largest differences and the allowed ones: the tolerance of {tolerance:e}, or the precision of the recording or the \
+         world's own tolerance if that is larger."
     ));
     for file in judged {
         let RecordingComparison { episodes, steps, .. } = &file.compared;

@@ -62,5 +62,5 @@ pub fn describe_param(spec: &ParamSpec, value: &str) -> String {
 
 /// Returns the names of all worlds.
 pub fn names() -> Vec<&'static str> {
-    env_core::worlds().map(World::name).collect()
+    env_core::worlds().map(|world| world.name()).collect()
 }

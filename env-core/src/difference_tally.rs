@@ -40,7 +40,8 @@ impl DifferenceTally {
         }
     }
 
-    /// Compares two numbers of a quantity; a difference that is NaN counts as infinite. `what` names the number in the message.
+    /// Compares two numbers of a quantity; a difference that is NaN counts as infinite. `allowed` is the world's tolerance, unless the
+    /// requested one is larger. `what` names the number in the message.
     pub(crate) fn compare_numbers(
         &mut self,
         quantity: &'static str,
@@ -51,6 +52,7 @@ impl DifferenceTally {
     ) {
         let difference = if ours == theirs { 0.0 } else { (ours - theirs).abs() };
         let difference = if difference.is_nan() { f64::INFINITY } else { difference };
+        let allowed = allowed.max(self.tolerance);
         self.update_worst(quantity, difference, allowed);
         if difference > allowed {
             self.set_first(format!("{what}: {ours} here, {theirs} recorded"));

@@ -1,14 +1,21 @@
 //! The list of all worlds and their tasks. It is above the worlds; nothing below it depends on it.
 
 use crate::task::TaskSpec;
-use crate::world::World;
-use crate::{docking, kessler};
+use crate::world::{RecordedWorld, World};
+use crate::{docking, kessler, tasking};
 
 static WORLDS: [&dyn World; 2] = [&kessler::KESSLER, &docking::DOCKING];
+
+static RECORDED_WORLDS: [&dyn RecordedWorld; 3] = [&kessler::KESSLER, &docking::DOCKING, &tasking::TASKING];
 
 /// Iterates over all worlds.
 pub fn worlds() -> impl Iterator<Item = &'static dyn World> {
     WORLDS.into_iter()
+}
+
+/// Iterates over all worlds with recordings of their public original.
+pub fn recorded_worlds() -> impl Iterator<Item = &'static dyn RecordedWorld> {
+    RECORDED_WORLDS.into_iter()
 }
 
 /// Finds a world by its name, with or without its version.

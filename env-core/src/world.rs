@@ -4,29 +4,32 @@ use serde_json::Value;
 
 use crate::task::TaskSpec;
 
-/// A world: tasks that share one simulation.
-pub trait World: Send + Sync {
+/// A world whose public original recorded episodes.
+pub trait RecordedWorld: Send + Sync {
     /// Id of the world with its version, such as `kessler@1`.
     fn id(&self) -> &'static str;
-
-    /// Tasks of the world.
-    fn tasks(&self) -> Vec<&'static dyn TaskSpec>;
-
-    /// Task and params for benchmarks of this world.
-    fn bench_spec(&self) -> BenchSpec;
-
-    /// Replays a file of episodes that the world's public original recorded, and compares all values. Returns `None` if the
-    /// file is not a recording of this world.
-    fn compare_recording(
-        &self,
-        recording: &Value,
-        tolerance: f64,
-    ) -> Option<Result<RecordingComparison, ComparisonError>>;
 
     /// Name of the world without the version.
     fn name(&self) -> &'static str {
         self.id().split('@').next().unwrap_or_default()
     }
+
+    /// Replays a file of recorded episodes, and compares all values. Returns `None` if the file is not a recording of this world.
+    /// `tolerance` is the largest difference of a number that is accepted, unless the world defines a larger one for its quantity.
+    fn compare_recording(
+        &self,
+        recording: &Value,
+        tolerance: f64,
+    ) -> Option<Result<RecordingComparison, ComparisonError>>;
+}
+
+/// A world: tasks that share one simulation.
+pub trait World: RecordedWorld {
+    /// Tasks of the world.
+    fn tasks(&self) -> Vec<&'static dyn TaskSpec>;
+
+    /// Task and params for benchmarks of this world.
+    fn bench_spec(&self) -> BenchSpec;
 }
 
 /// Task and actions of a benchmark.

@@ -73,6 +73,23 @@ fn validate_safe_autonomy_sims_the_fixtures_replay() {
     }
 }
 
+/// Recordings of BSK-RL are compared within the world's tolerances, whatever the requested one is, and a change is found.
+#[test]
+fn validate_bsk_a_recording_replays() {
+    let file = fixture().parent().unwrap().join("tasking/recorded/deaths_general.json.gz");
+    let found = compare_file(&file, 0.0).unwrap();
+    assert!(found.is_within_tolerance() && found.world == "tasking" && found.compared.steps > 5, "{found:?}");
+    let mut value: Value =
+        serde_json::from_reader(flate2::read::GzDecoder::new(&std::fs::read(&file).unwrap()[..])).unwrap();
+    let end = &mut value["steps"][2]["t_end"];
+    *end = serde_json::json!(end.as_f64().unwrap() + 1.0);
+    let mut changed = tempfile::NamedTempFile::new().unwrap();
+    changed.write_all(&serde_json::to_vec(&value).unwrap()).unwrap();
+    let first = compare_file(changed.path(), 0.0).unwrap().compared.first.unwrap();
+    assert_eq!(first.step, 3, "{}", first.what);
+    assert!(first.what.starts_with("end of the step"), "{}", first.what);
+}
+
 /// Comparisons of two worlds; one has a difference and a documented deviation.
 fn judged() -> [FileComparison; 2] {
     let compared = |worst: &[(&'static str, f64)], first, documented| RecordingComparison {
@@ -134,8 +151,8 @@ fn bad_files_are_one_sentence_each() {
     FILE is not JSON: EOF while parsing an object at line 1 column 1
     FILE: it holds no episodes
     FILE cannot be unpacked: unexpected end of file
-    FILE: it is not a recording of a world known here (kessler, docking)
-    FILE: it is not a recording of a world known here (kessler, docking)
+    FILE: it is not a recording of a world known here (kessler, docking, tasking)
+    FILE: it is not a recording of a world known here (kessler, docking, tasking)
     FILE: episode 1: step 5 does not have 3 satellites
     FILE: episode 1: it has no steps
     ");

@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use super::{DOCKING_TASKS, WORLD_ID, recording};
 use crate::task::TaskSpec;
-use crate::world::{BenchSpec, ComparisonError, RecordingComparison, World};
+use crate::world::{BenchSpec, ComparisonError, RecordedWorld, RecordingComparison, World};
 
 /// The only instance of the world.
 pub static DOCKING: DockingWorld = DockingWorld;
@@ -13,11 +13,21 @@ pub static DOCKING: DockingWorld = DockingWorld;
 #[derive(Debug)]
 pub struct DockingWorld;
 
-impl World for DockingWorld {
+impl RecordedWorld for DockingWorld {
     fn id(&self) -> &'static str {
         WORLD_ID
     }
 
+    fn compare_recording(
+        &self,
+        recording: &Value,
+        tolerance: f64,
+    ) -> Option<Result<RecordingComparison, ComparisonError>> {
+        recording::is_recording(recording).then(|| recording::compare_recording(recording, tolerance))
+    }
+}
+
+impl World for DockingWorld {
     fn tasks(&self) -> Vec<&'static dyn TaskSpec> {
         DOCKING_TASKS.iter().map(|task| task as &dyn TaskSpec).collect()
     }
@@ -30,13 +40,5 @@ impl World for DockingWorld {
             action: 1.0,
             original_us_per_step: None,
         }
-    }
-
-    fn compare_recording(
-        &self,
-        recording: &Value,
-        tolerance: f64,
-    ) -> Option<Result<RecordingComparison, ComparisonError>> {
-        recording::is_recording(recording).then(|| recording::compare_recording(recording, tolerance))
     }
 }

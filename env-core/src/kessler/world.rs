@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use super::{KESSLER_TASKS, WORLD_ID, recording};
 use crate::task::TaskSpec;
-use crate::world::{BenchSpec, ComparisonError, RecordingComparison, World};
+use crate::world::{BenchSpec, ComparisonError, RecordedWorld, RecordingComparison, World};
 
 /// The kessler world, version 1.
 pub static KESSLER: KesslerWorld = KesslerWorld;
@@ -13,11 +13,21 @@ pub static KESSLER: KesslerWorld = KesslerWorld;
 #[derive(Debug)]
 pub struct KesslerWorld;
 
-impl World for KesslerWorld {
+impl RecordedWorld for KesslerWorld {
     fn id(&self) -> &'static str {
         WORLD_ID
     }
 
+    fn compare_recording(
+        &self,
+        recording: &Value,
+        tolerance: f64,
+    ) -> Option<Result<RecordingComparison, ComparisonError>> {
+        recording::is_recording(recording).then(|| recording::compare_recording(recording, tolerance))
+    }
+}
+
+impl World for KesslerWorld {
     fn tasks(&self) -> Vec<&'static dyn TaskSpec> {
         KESSLER_TASKS.iter().map(|task| task as &dyn TaskSpec).collect()
     }
@@ -30,13 +40,5 @@ impl World for KesslerWorld {
             action: 0.05,
             original_us_per_step: Some(125.0),
         }
-    }
-
-    fn compare_recording(
-        &self,
-        recording: &Value,
-        tolerance: f64,
-    ) -> Option<Result<RecordingComparison, ComparisonError>> {
-        recording::is_recording(recording).then(|| recording::compare_recording(recording, tolerance))
     }
 }

@@ -24,3 +24,9 @@ mod tests;
 pub mod tick;
 pub mod time;
 pub mod vector3;
+mod world;
+
+pub use self::world::TASKING;
+
+/// Id of the world with its version.
+pub const WORLD_ID: &str = "tasking@1";

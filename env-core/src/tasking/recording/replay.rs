@@ -20,12 +20,12 @@ pub fn is_recording(recording: &Value) -> bool {
         || is_older_recording(recording)
 }
 
-/// Replays a recording and compares it with built-in tolerances.
+/// Replays a recording and compares it with the built-in tolerance of each quantity, or with `tolerance` where that is larger.
 ///
 /// # Errors
 /// Returns an error if the recording cannot be read or replayed.
-pub fn compare_recording(recording: &Value) -> Result<RecordingComparison, ComparisonError> {
-    compare_with_gravity(recording, GravityModel::Ggm10)
+pub fn compare_recording(recording: &Value, tolerance: f64) -> Result<RecordingComparison, ComparisonError> {
+    compare_with_gravity(recording, GravityModel::Ggm10, tolerance)
 }
 
 /// Replays a recording under a gravity model.
@@ -35,8 +35,9 @@ pub fn compare_recording(recording: &Value) -> Result<RecordingComparison, Compa
 pub fn compare_with_gravity(
     recording: &Value,
     gravity: GravityModel,
+    tolerance: f64,
 ) -> Result<RecordingComparison, ComparisonError> {
-    let mut tally = DifferenceTally::new(&QUANTITIES, Some("outcome"), 0.0);
+    let mut tally = DifferenceTally::new(&QUANTITIES, Some("outcome"), tolerance);
     let current = to_current_format(recording).map_err(ComparisonError::Malformed)?;
     let setup = read_setup(&current, gravity).map_err(ComparisonError::Malformed)?;
     let failed = |reason: String| ComparisonError::Episode { episode: 0, reason };

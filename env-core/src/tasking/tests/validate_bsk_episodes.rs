@@ -16,7 +16,8 @@ fn assert_replays(folder: &str, files: usize) {
     let paths = recordings(folder);
     assert_eq!(paths.len(), files, "recordings in {folder}");
     for path in paths {
-        let comparison = compare_recording(&load(&path)).unwrap_or_else(|error| panic!("{path:?}: {error}"));
+        let comparison =
+            compare_recording(&load(&path), 0.0).unwrap_or_else(|error| panic!("{path:?}: {error}"));
         assert!(comparison.steps > 0, "{path:?} has no steps");
         assert_eq!(comparison.first, None, "{path:?}");
     }
@@ -34,7 +35,7 @@ fn validate_bsk_recorded_episodes() {
 
 #[test]
 fn validate_bsk_trace_scanning() {
-    let comparison = compare_recording(&reference("a_trace1hz_seed42")).unwrap();
+    let comparison = compare_recording(&reference("a_trace1hz_seed42"), 0.0).unwrap();
     assert_eq!(comparison.first, None);
     let bounds = [
         ("attitude", 1e-7),
@@ -52,7 +53,7 @@ fn validate_bsk_trace_scanning() {
 
 #[test]
 fn validate_bsk_trace_imaging() {
-    let comparison = compare_recording(&reference("b_trace1hz_seed7")).unwrap();
+    let comparison = compare_recording(&reference("b_trace1hz_seed7"), 0.0).unwrap();
     assert_eq!(comparison.first, None);
     for (quantity, bound) in [("attitude", 1e-7), ("rate", 1e-8), ("wheel_speed", 1e-4)] {
         assert!(worst(&comparison, quantity) <= bound, "{quantity}: {}", worst(&comparison, quantity));
@@ -64,7 +65,7 @@ fn validate_bsk_episodes_scanning() {
     for name in
         ["a_random_seed0", "a_random_seed1", "a_random_seed2", "a_random_seed3", "a_heuristic_seed100"]
     {
-        let comparison = compare_recording(&reference(name)).unwrap();
+        let comparison = compare_recording(&reference(name), 0.0).unwrap();
         assert_eq!(comparison.first, None, "{name}");
         assert!(worst(&comparison, "battery") <= 1.0 && worst(&comparison, "wheel_speed") <= 0.02, "{name}");
         assert!(worst(&comparison, "observation") <= 1e-4, "{name}");
@@ -76,7 +77,7 @@ fn validate_bsk_episodes_scanning() {
 #[test]
 fn validate_bsk_episodes_imaging() {
     for name in ["b_gym_seed0", "b_pz_seed0", "b_los_pz_seed10"] {
-        let comparison = compare_recording(&reference(name)).unwrap();
+        let comparison = compare_recording(&reference(name), 0.0).unwrap();
         assert_eq!(comparison.first, None, "{name}");
         assert!(worst(&comparison, "attitude") <= 1e-6, "{name}: {}", worst(&comparison, "attitude"));
         assert!(worst(&comparison, "window") <= 0.03, "{name}: {}", worst(&comparison, "window"));
@@ -86,7 +87,7 @@ fn validate_bsk_episodes_imaging() {
 #[test]
 fn simpler_gravity_is_within_kilometres() {
     let recording = reference("a_random_seed3");
-    let comparison = compare_with_gravity(&recording, GravityModel::J2).unwrap();
+    let comparison = compare_with_gravity(&recording, GravityModel::J2, 0.0).unwrap();
     let apart = worst(&comparison, "position");
     assert!((100.0..6_000.0).contains(&apart), "{apart} m");
 }
@@ -95,7 +96,7 @@ fn simpler_gravity_is_within_kilometres() {
 fn a_changed_recording_is_found() {
     let mut recording = reference("b_gym_seed0");
     recording["steps"][3]["reward_by_satellite"]["EO_1"] = 0.25.into();
-    let first = compare_recording(&recording).unwrap().first.unwrap();
+    let first = compare_recording(&recording, 0.0).unwrap().first.unwrap();
     assert_eq!(first.step, 4);
     assert!(first.what.starts_with("reward of EO_1"), "{}", first.what);
 }
