@@ -120,11 +120,15 @@ soak: check-cargo ## Kill a server under load for two hours (MINUTES=120), then 
 update-check: check-cargo check-node ## List newer versions of the pinned Python packages, crates and npm packages
 	scripts/update-check
 
-bench-peers: check-cargo check-python ## Compare the speed with openenv-core's server and the public environment (KESSLER_ENV=PATH)
-	scripts/openenv-venv
+bench-peers: check-cargo check-python ## Compare the speed with openenv-core's server and the public environment (KESSLER_ENV=PATH), or with BSK-RL (BSK=1)
 	cargo build --profile dist --locked -p cli -p bench
-	target/openenv-venv/bin/python bench/peers.py --sparring target/dist/sparring --bench target/dist/bench \
-		--kessler-env "$(KESSLER_ENV)"
+	@if [ -n "$(BSK)" ]; then \
+		scripts/bsk-venv && PYTHONPATH=scripts PYTHONDONTWRITEBYTECODE=1 \
+			target/bsk-venv/bin/python bench/bsk_peers.py --bench target/dist/bench; \
+	else \
+		scripts/openenv-venv && target/openenv-venv/bin/python bench/peers.py --sparring target/dist/sparring \
+			--bench target/dist/bench --kessler-env "$(KESSLER_ENV)"; \
+	fi
 
 bench-python: wheel ## Measure stepping from Python, and the cost of a curriculum (KESSLER_ENV=PATH as for bench-peers)
 	cargo build --profile dist --locked -p cli

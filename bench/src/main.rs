@@ -60,6 +60,15 @@ struct Args {
     gib: u32,
     #[command(flatten)]
     peer: sockets::Peer,
+    /// Measures an environment of tasking for one turn and prints the result as JSON; `bsk_peers.py` starts this process
+    #[arg(long, hide = true)]
+    tasking_turn: Option<String>,
+    /// Number of environments of the turn
+    #[arg(long, hide = true, default_value_t = 64)]
+    turn_envs: usize,
+    /// Duration of the turn in seconds
+    #[arg(long, hide = true, default_value_t = 3.0)]
+    turn_seconds: f64,
     /// Replays the layouts of a file and prints how many differ from their claims; `designer` starts this process
     #[arg(long, hide = true)]
     replay_check: Option<std::path::PathBuf>,
@@ -79,6 +88,13 @@ fn main() -> anyhow::Result<()> {
     let mut out = std::io::stdout().lock();
     if let Some(file) = &args.replay_check {
         return Ok(writeln!(out, "{}", designer::check_layouts(file)?)?);
+    }
+    if let Some(environment) = &args.tasking_turn {
+        return Ok(writeln!(
+            out,
+            "{}",
+            tasking::measure_turn(environment, args.turn_envs, args.turn_seconds)?
+        )?);
     }
     let mut show = |rows: Vec<Row>| -> std::io::Result<()> {
         for row in rows {

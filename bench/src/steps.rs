@@ -1,4 +1,6 @@
-//! Environment steps a second on one thread, for each world.
+//! Environment steps a second on one thread, for each benchmark of the worlds.
+
+use env_core::RecordedWorld;
 
 use crate::Row;
 
@@ -7,8 +9,8 @@ const SECONDS: f64 = 5.0;
 const GOAL: f64 = 50.0;
 
 pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
-    let row = |world| {
-        let measured = commands::bench::measure(world, &[], Default::default(), SECONDS)?;
+    let row = |spec| {
+        let measured = commands::bench::measure(spec, &[], Default::default(), SECONDS)?;
         let per_s = measured.python_env_us_per_step.map(|us| 1e6 / us);
         Ok(Row {
             label: format!("steps with observations and resets, one thread: {}", measured.description),
@@ -17,5 +19,5 @@ pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
             ratio: measured.times_python_env.map(|times| times / GOAL),
         })
     };
-    env_core::worlds().map(row).collect()
+    env_core::recorded_worlds().flat_map(RecordedWorld::benchmarks).map(row).collect()
 }

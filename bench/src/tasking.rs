@@ -8,6 +8,7 @@ use env_core::episode_rng::{EpisodeRng, RngStream, SeededRng};
 use env_core::tasking::environments::TaskingEnvironment;
 use env_core::tasking::simulation::{AgentAction, StepResult, TaskingSim, step_all};
 use env_core::tasking::tick::dispatch::InstructionSet;
+use serde_json::{Value, json};
 
 use crate::Row;
 
@@ -27,6 +28,20 @@ pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
         rows.push(reset_row(environment)?);
     }
     Ok(rows)
+}
+
+/// Measures one environment for a number of seconds, and its resets for a third of that. Returns the rates as JSON.
+pub(crate) fn measure_turn(id: &str, envs: usize, seconds: f64) -> anyhow::Result<Value> {
+    let environment =
+        TaskingEnvironment::from_id(id).with_context(|| format!("there is no environment {id}"))?;
+    let mut stepper = Stepper::new(environment, envs.max(1))?;
+    let taken = stepper.run_for(seconds)?;
+    Ok(json!({
+        "satellite_seconds_per_s": stepper.satellite_seconds / taken,
+        "steps_per_s": stepper.steps as f64 / taken,
+        "resets_per_s": stepper.resets as f64 / taken,
+        "reset_s": seconds_per_reset(environment, seconds / 3.0)?,
+    }))
 }
 
 /// Environments that are stepped side by side; each is reset when its episode ends.
@@ -96,7 +111,8 @@ impl Stepper {
         let results: Vec<StepResult> = if self.sims.len() == 1 {
             vec![self.sims[0].step(&self.actions[0], self.set)?]
         } else {
-            step_all(&mut self.sims, &self.actions, self.set).into_iter().collect::<Result<_, _>>()?
+            let mut sims: Vec<_> = self.sims.iter_mut().collect();
+            step_all(&mut sims, &self.actions, self.set).into_iter().collect::<Result<_, _>>()?
         };
         lap(&mut self.part_seconds[1]);
         for (index, result) in results.iter().enumerate() {
@@ -118,13 +134,18 @@ impl Stepper {
         Ok(())
     }
 
-    /// Steps for the duration of a measurement. The goal is a multiple of BSK-RL's speed.
-    fn row(mut self, goal: f64) -> anyhow::Result<Row> {
+    /// Steps for at least this many seconds; returns the seconds that it took.
+    fn run_for(&mut self, seconds: f64) -> anyhow::Result<f64> {
         let begun = Instant::now();
-        while begun.elapsed().as_secs_f64() < SECONDS {
+        while begun.elapsed().as_secs_f64() < seconds {
             self.step()?;
         }
-        let seconds = begun.elapsed().as_secs_f64();
+        Ok(begun.elapsed().as_secs_f64())
+    }
+
+    /// Steps for the duration of a measurement. The goal is a multiple of BSK-RL's speed.
+    fn row(mut self, goal: f64) -> anyhow::Result<Row> {
+        let seconds = self.run_for(SECONDS)?;
         let ns = seconds * 1e9 / self.satellite_seconds;
         // BSK-RL's time is known for this environment only.
         let is_scanning = matches!(self.environment, TaskingEnvironment::Scanning(_));
@@ -147,20 +168,24 @@ impl Stepper {
 
 /// Measures resets without any steps.
 fn reset_row(environment: TaskingEnvironment) -> anyhow::Result<Row> {
+    Ok(Row {
+        label: format!("{} reset", environment.id()),
+        measured: format!("{:.0} µs", seconds_per_reset(environment, 1.0)? * 1e6),
+        goal: String::new(),
+        ratio: None,
+    })
+}
+
+/// Seconds of a reset with its observation, measured for about `seconds` seconds.
+fn seconds_per_reset(environment: TaskingEnvironment, seconds: f64) -> anyhow::Result<f64> {
     let mut stepper = Stepper::new(environment, 1)?;
     let begun = Instant::now();
     let mut count = 0;
-    while begun.elapsed().as_secs_f64() < 1.0 {
+    while begun.elapsed().as_secs_f64() < seconds {
         stepper.sims[0] = stepper.reset()?;
         stepper.sims[0].observe(0, &mut stepper.observation)?;
         stepper.observation.clear();
         count += 1;
     }
-    let each = begun.elapsed().as_secs_f64() / f64::from(count);
-    Ok(Row {
-        label: format!("{} reset", environment.id()),
-        measured: format!("{:.0} µs", each * 1e6),
-        goal: String::new(),
-        ratio: None,
-    })
+    Ok(begun.elapsed().as_secs_f64() / f64::from(count))
 }

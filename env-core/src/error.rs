@@ -167,6 +167,16 @@ pub enum StepError {
         /// Number of the agent.
         agent: u32,
     },
+    /// A value is not the index of an action.
+    #[error("the action of agent {agent} must be a whole number from 0 to {last}, got {value}")]
+    UnknownAction {
+        /// Number of the agent.
+        agent: u32,
+        /// Value of the entry.
+        value: f64,
+        /// Largest index of an action.
+        last: usize,
+    },
     /// The step has too many entries.
     #[error("a step must have at most {max} actions, got {count}")]
     TooMany {

@@ -52,7 +52,7 @@ pub use error::{LogError, ReplayError, ScenarioError, StepError};
 pub use keyed_rng::KeyedRng;
 pub use log::{ActionLog, JointAction, StopReason};
 pub use number_format::{format_shortest, format_significant};
-pub use registry::{default_tasks, recorded_worlds, task, tasks, world, worlds};
+pub use registry::{benchmark, default_tasks, recorded_worlds, task, tasks, world, worlds};
 pub use rollout::Rollout;
 pub use seed::{MAX_USER_SEED, SEED_REQUIREMENT, Seed, SeedSpace};
 pub use task::{Episode, Layout, Recipe, RecipeId, Scenario, ScenarioId, TaskSpec};

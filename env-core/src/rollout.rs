@@ -82,9 +82,9 @@ pub(crate) fn step_through(
 /// The error of a rejected step, located by its index and, if one is at fault, its entry.
 fn step_error(step: usize, action: JointAction<'_>, source: StepError) -> LogError {
     let entry = match source {
-        StepError::UnknownAgent { agent, .. } | StepError::NotFinite { agent } => {
-            action.agents.iter().position(|&a| a == agent)
-        }
+        StepError::UnknownAgent { agent, .. }
+        | StepError::NotFinite { agent }
+        | StepError::UnknownAction { agent, .. } => action.agents.iter().position(|&a| a == agent),
         _ => None,
     };
     let field = entry.map_or_else(|| format!("steps.{step}"), |entry| format!("steps.{step}.{entry}"));

@@ -21,25 +21,25 @@ pub trait RecordedWorld: Send + Sync {
         recording: &Value,
         tolerance: f64,
     ) -> Option<Result<RecordingComparison, ComparisonError>>;
+
+    /// Benchmarks of this world; the first one is used if none is named.
+    fn benchmarks(&self) -> Vec<BenchSpec>;
 }
 
 /// A world: tasks that share one simulation.
 pub trait World: RecordedWorld {
     /// Tasks of the world.
     fn tasks(&self) -> Vec<&'static dyn TaskSpec>;
-
-    /// Task and params for benchmarks of this world.
-    fn bench_spec(&self) -> BenchSpec;
 }
 
 /// Task and actions of a benchmark.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub struct BenchSpec {
-    /// Id of the task.
-    pub task: &'static str,
+    /// The task that is stepped.
+    pub task: &'static dyn TaskSpec,
     /// Params as pairs of name and value; the others have their defaults.
     pub params: &'static [(&'static str, f64)],
-    /// Largest magnitude of the uniform random actions.
+    /// Largest magnitude of the uniform random actions of a box. Of named actions each is as likely.
     pub action: f64,
     /// Duration of a step of the public original in one process on one core, µs, as measured for this project; `None` if it
     /// was not measured.

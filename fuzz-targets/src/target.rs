@@ -9,13 +9,21 @@ pub struct Target {
     pub run: fn(&[u8]) -> bool,
     /// Returns inputs that the parser accepts, from which others are mutated.
     pub seeds: fn() -> Vec<Vec<u8>>,
+    /// Number by which the inputs of a test are divided, for targets that simulate.
+    pub divisor: u64,
 }
 
 impl Target {
     /// Target of a parser of bytes.
     #[must_use]
     pub const fn new(name: &'static str, run: fn(&[u8]) -> bool, seeds: fn() -> Vec<Vec<u8>>) -> Self {
-        Self { name, run, seeds }
+        Self { name, run, seeds, divisor: 1 }
+    }
+
+    /// The same target with a part of the inputs in a test.
+    #[must_use]
+    pub const fn divided_by(self, divisor: u64) -> Self {
+        Self { divisor, ..self }
     }
 }
 

@@ -9,13 +9,13 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use clap::builder::PossibleValuesParser;
 use env_core::batch::ObservationMode;
-use env_core::{Recipe, World};
+use env_core::world::BenchSpec;
+use env_core::{Recipe, RecordedWorld};
 use serde::Serialize;
 
 use self::stepped_batch::SteppedBatch;
 use super::options::{self, ChosenOption};
 use super::output::{self, Column, Report, TextTable};
-use super::worlds;
 use evaluation::bootstrap::quantile;
 
 /// Slices of a measurement. Their median is reported, so that one disturbance does not count.
@@ -32,15 +32,16 @@ const STEPS_PER_CLOCK_READING: u32 = 16;
 /// Measure the environment steps per second of one thread.
 ///
 /// Steps a batch of environments of one world in this process, with the task and params of the world's benchmark
-/// (kessler: survival with 50 debris). In every step about half of the agents take a small action. Every episode has a
+/// (kessler: survival with 50 debris; tasking: each task). In every step about half of the agents take a small action, or all
+/// choose one of the named actions. Every episode has a
 /// new seed, and full f32 observations are written after every step and reset. Resets count as part of the measured
 /// time. The time is divided into 20 slices; the result is their median, with the 5th and 95th percentile as its spread.
 #[derive(Debug, clap::Args)]
 #[command(after_help = after_help())]
 pub struct Args {
-    /// World to measure [default: the first world]
-    #[arg(long, value_name = "WORLD", value_parser = PossibleValuesParser::new(worlds::names()))]
-    env: Option<String>,
+    /// World or task to measure
+    #[arg(long, value_name = "WORLD|TASK", value_parser = PossibleValuesParser::new(benchmark_names()), default_value = "kessler")]
+    env: String,
     /// Set a physics option; repeat the flag to set several
     #[arg(long = "physics", value_name = "[TASK|WORLD:]NAME=CHOICE", value_parser = options::parse)]
     options: Vec<ChosenOption>,
@@ -63,7 +64,7 @@ fn after_help() -> String {
 }
 
 const AFTER_HELP: &str = "\
-JSON (--json): one object {env, envs, tracks, debris, physics, seconds, slices, single_thread_env_steps_per_s, low, high, us_per_step, \
+JSON (--json): one object {env, task, envs, tracks, debris, physics, seconds, slices, single_thread_env_steps_per_s, low, high, us_per_step, \
 resets_per_s, python_env_us_per_step, times_python_env}; low and high are the 5th and 95th percentile of the slices. \
 debris is null in worlds without debris. python_env_us_per_step, the time of a step of the public original in Python, is a \
 constant (kessler: 125 µs) that was measured on another machine; it is null if it was not measured. The scripts in bench/ \
@@ -73,12 +74,14 @@ Examples:
   sparring bench
   sparring bench --physics contact=swept
   sparring bench --envs 1024 --tracks
+  sparring bench --env tasking/scanning
   sparring bench --env kessler --seconds 10 --json";
 
 /// Result of a measurement, printed as one JSON object.
 #[derive(Debug, Serialize)]
 pub struct Measurement {
     env: &'static str,
+    task: &'static str,
     envs: usize,
     tracks: bool,
     debris: Option<u32>,
@@ -107,16 +110,11 @@ pub struct Measurement {
 /// # Errors
 /// Returns an error if the world cannot start or stdout cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let world = match &args.env {
-        Some(name) => env_core::world(name),
-        None => env_core::worlds().next(),
-    };
-    let world = world.context("there is no such world")?;
-    let task = env_core::task(world.bench_spec().task).context("the task of the benchmark does not exist")?;
-    let options = options::by_task(&args.options, &[task])?.remove(task.id()).unwrap_or_default();
+    let spec = env_core::benchmark(&args.env).context("there is no such benchmark")?;
+    let options = options::by_task(&args.options, &[spec.task])?.remove(spec.task.id()).unwrap_or_default();
     let options: Vec<_> = options.iter().map(|(name, choice)| (name.as_str(), choice.as_str())).collect();
     let batch = BatchSettings { envs: args.envs as usize, tracks: args.tracks };
-    let measured = measure(world, &options, batch, args.seconds)?;
+    let measured = measure(spec, &options, batch, args.seconds)?;
     if args.json {
         output::print_json(&measured)?;
     } else {
@@ -140,20 +138,25 @@ impl Default for BatchSettings {
     }
 }
 
-/// Measures a world under these options for about `seconds` seconds.
+/// Returns the names of all worlds with benchmarks, then those of the tasks that are measured.
+fn benchmark_names() -> Vec<&'static str> {
+    let worlds = env_core::recorded_worlds().map(RecordedWorld::name);
+    let tasks = env_core::recorded_worlds().flat_map(RecordedWorld::benchmarks).map(|spec| spec.task.id());
+    worlds.chain(tasks).collect()
+}
+
+/// Runs a benchmark under these options for about `seconds` seconds.
 ///
 /// # Errors
-/// Returns an error if the world lacks an option or the observations, or its benchmark cannot start.
+/// Returns an error if the world lacks an option or the observations, or the benchmark cannot start.
 pub fn measure(
-    world: &'static dyn World,
+    spec: BenchSpec,
     options: &[(&str, &str)],
     batch: BatchSettings,
     seconds: f64,
 ) -> anyhow::Result<Measurement> {
-    let spec = world.bench_spec();
-    let task = env_core::task(spec.task).with_context(|| format!("task {} does not exist", spec.task))?;
     let recipe =
-        Recipe::with_params(task, spec.params.iter().copied())?.with_options(options.iter().copied())?;
+        Recipe::with_params(spec.task, spec.params.iter().copied())?.with_options(options.iter().copied())?;
     let options = recipe.chosen_options();
     let observe = if batch.tracks { TRACKS } else { ObservationMode::All { bodies: None } };
     let mut stepped_batch = SteppedBatch::from_recipe(recipe, batch.envs, spec.action, observe)?;
@@ -175,7 +178,8 @@ pub fn measure(
     let chosen = options.iter().map(|(name, choice)| format!(", {name} {choice}"));
     let settings: String = params.chain(chosen).collect();
     Ok(Measurement {
-        env: world.name(),
+        env: spec.task.id().split('/').next().unwrap_or_default(),
+        task: spec.task.id(),
         envs: batch.envs,
         tracks: batch.tracks,
         debris: spec.params.iter().find(|(name, _)| *name == "debris").map(|(_, value)| *value as u32),
@@ -188,7 +192,7 @@ pub fn measure(
         resets_per_s: at(&resets, 0.5),
         python_env_us_per_step: spec.original_us_per_step,
         times_python_env: spec.original_us_per_step.map(|us| us * median / 1e6),
-        description: format!("{}{settings}", spec.task),
+        description: format!("{}{settings}", spec.task.id()),
         physics: options,
     })
 }
@@ -254,9 +258,13 @@ pub(crate) fn parse_seconds(text: &str) -> Result<f64, String> {
 mod tests {
     use super::*;
 
+    fn benchmark(name: &str) -> BenchSpec {
+        env_core::benchmark(name).unwrap()
+    }
+
     #[test]
     fn measurement_is_consistent() {
-        let found = measure(&env_core::kessler::KESSLER, &[], BatchSettings::default(), 0.2).unwrap();
+        let found = measure(benchmark("kessler"), &[], BatchSettings::default(), 0.2).unwrap();
         assert!(
             found.low <= found.single_thread_env_steps_per_s
                 && found.single_thread_env_steps_per_s <= found.high
@@ -268,12 +276,12 @@ mod tests {
         let told = serde_json::to_value(&found).unwrap();
         assert!(told["single_thread_env_steps_per_s"].is_f64() && told["debris"] == 50, "{told}");
         assert!(told["python_env_us_per_step"] == 125.0 && told["times_python_env"].is_f64(), "{told}");
-        assert_eq!(told.as_object().unwrap().len(), 14);
+        assert_eq!(told.as_object().unwrap().len(), 15);
     }
 
     #[test]
     fn options_are_applied_and_reported() {
-        let kessler = &env_core::kessler::KESSLER;
+        let kessler = benchmark("kessler");
         let found =
             measure(kessler, &[("contact", "swept"), ("warnings", "exact")], BatchSettings::default(), 0.1)
                 .unwrap();
@@ -293,22 +301,23 @@ mod tests {
     #[test]
     fn tracks_are_observed_where_there_are_any() {
         let batch = BatchSettings { envs: 5, tracks: true };
-        let told = measure(&env_core::kessler::KESSLER, &[], batch, 0.1).unwrap();
+        let told = measure(benchmark("kessler"), &[], batch, 0.1).unwrap();
         assert!(told.single_thread_env_steps_per_s > 0.0);
-        assert!(measure(&env_core::docking::DOCKING, &[], batch, 0.1).is_err());
+        assert!(measure(benchmark("docking"), &[], batch, 0.1).is_err());
     }
 
     #[test]
-    fn every_world_is_stepped() {
-        for world in env_core::worlds() {
-            let spec = world.bench_spec();
-            let mut stepped_batch = SteppedBatch::new(spec.task, spec.params, 8, spec.action).unwrap();
+    fn every_benchmark_is_stepped() {
+        for spec in env_core::recorded_worlds().flat_map(RecordedWorld::benchmarks) {
+            let recipe = Recipe::with_params(spec.task, spec.params.iter().copied()).unwrap();
+            let all = ObservationMode::All { bodies: None };
+            let mut stepped_batch = SteppedBatch::from_recipe(recipe, 8, spec.action, all).unwrap();
             let mut ended = 0;
             for _ in 0..2100 {
                 stepped_batch.step().unwrap();
                 ended += stepped_batch.ended();
             }
-            assert!(ended >= 8, "{}: {ended} episodes", world.name());
+            assert!(ended >= 8, "{}: {ended} episodes", spec.task.id());
         }
     }
 }

@@ -8,6 +8,7 @@ use env_core::batch::{
     Autoreset, Batch, BatchBuffers, BatchConfig, BatchShape, ObservationMode, SeedSequence,
 };
 use env_core::episode_rng::{EpisodeRng, RngStream, SeededRng};
+use env_core::space::{ActionKind, ActionSpace};
 use env_core::{Seed, SeedSpace};
 
 /// Number of joint actions that are used in turn. It is prime and divides no horizon, so that episodes differ.
@@ -23,7 +24,8 @@ pub struct SteppedBatch {
 }
 
 impl SteppedBatch {
-    /// Creates `envs` environments of a task. In every step about half of the agents act, uniformly within ±`size`.
+    /// Creates `envs` environments of a task. In every step about half of the agents act, uniformly within ±`size`; where actions have
+    /// names, all agents choose one.
     ///
     /// # Errors
     /// Returns an error if the task does not exist or a param is out of range.
@@ -52,7 +54,7 @@ impl SteppedBatch {
         Ok(Self {
             batch,
             shape,
-            actions: (0..ACTION_COUNT).map(|turn| draw(turn, shape, size)).collect(),
+            actions: (0..ACTION_COUNT).map(|turn| draw(turn, shape, &spec.action_space(), size)).collect(),
             next: 0,
             buffers,
         })
@@ -96,9 +98,14 @@ impl SteppedBatch {
 
 /// Draws the actions of all environments for one step. They are drawn beforehand, so that drawing is not measured.
 #[expect(clippy::cast_possible_truncation, reason = "actions are single precision")]
-fn draw(turn: u64, shape: BatchShape, size: f64) -> Vec<f32> {
+fn draw(turn: u64, shape: BatchShape, space: &ActionSpace, size: f64) -> Vec<f32> {
     let mut rng = SeededRng::new(Seed::in_space(SeedSpace::User, turn));
     let mut actions = Vec::with_capacity(shape.envs * shape.agents * shape.action);
+    let names = space.names().len() as f64;
+    if space.kind != ActionKind::Box {
+        let choose = |_| (rng.uniform(RngStream::Policy) * names).floor().min(names - 1.0) as f32;
+        return (0..shape.envs * shape.agents).map(choose).collect();
+    }
     for _ in 0..shape.envs * shape.agents {
         let acts = rng.uniform(RngStream::Policy) < 0.5;
         for _ in 0..shape.action {

@@ -25,20 +25,18 @@ impl RecordedWorld for DockingWorld {
     ) -> Option<Result<RecordingComparison, ComparisonError>> {
         recording::is_recording(recording).then(|| recording::compare_recording(recording, tolerance))
     }
+
+    fn benchmarks(&self) -> Vec<BenchSpec> {
+        let Some(task) = self.tasks().into_iter().find(|task| task.id() == "docking/multiagent") else {
+            return Vec::new();
+        };
+        // The cost of a step of the original was not measured for this project.
+        vec![BenchSpec { task, params: &[("deputies", 3.0)], action: 1.0, original_us_per_step: None }]
+    }
 }
 
 impl World for DockingWorld {
     fn tasks(&self) -> Vec<&'static dyn TaskSpec> {
         DOCKING_TASKS.iter().map(|task| task as &dyn TaskSpec).collect()
-    }
-
-    fn bench_spec(&self) -> BenchSpec {
-        // The cost of a step of the original was not measured for this project.
-        BenchSpec {
-            task: "docking/multiagent",
-            params: &[("deputies", 3.0)],
-            action: 1.0,
-            original_us_per_step: None,
-        }
     }
 }

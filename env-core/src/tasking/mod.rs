@@ -19,6 +19,7 @@ pub mod satellite;
 pub mod setup;
 pub mod simulation;
 pub mod sun;
+pub mod task;
 #[cfg(test)]
 mod tests;
 pub mod tick;

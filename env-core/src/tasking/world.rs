@@ -4,7 +4,8 @@ use serde_json::Value;
 
 use super::WORLD_ID;
 use super::recording::replay;
-use crate::world::{ComparisonError, RecordedWorld, RecordingComparison};
+use super::task::TASKING_TASKS;
+use crate::world::{BenchSpec, ComparisonError, RecordedWorld, RecordingComparison};
 
 /// The only instance of the world.
 pub static TASKING: TaskingWorld = TaskingWorld;
@@ -25,5 +26,15 @@ impl RecordedWorld for TaskingWorld {
         tolerance: f64,
     ) -> Option<Result<RecordingComparison, ComparisonError>> {
         replay::is_recording(recording).then(|| replay::compare_recording(recording, tolerance))
+    }
+
+    /// Each task with its default params. `make bench-peers BSK=1` measures the original.
+    fn benchmarks(&self) -> Vec<BenchSpec> {
+        let original_us = [4630.0, 32_300.0, 21_300.0];
+        TASKING_TASKS
+            .iter()
+            .zip(original_us)
+            .map(|(task, us)| BenchSpec { task, params: &[], action: 0.0, original_us_per_step: Some(us) })
+            .collect()
     }
 }

@@ -11,6 +11,7 @@ mod policy_files;
 mod requests;
 mod stored;
 mod strict_input;
+mod tasking;
 mod worlds;
 
 use std::sync::LazyLock;
@@ -23,6 +24,7 @@ pub static TARGETS: LazyLock<Vec<Target>> = LazyLock::new(|| {
         strict_input::TARGETS,
         openenv::TARGETS,
         worlds::TARGETS,
+        tasking::TARGETS,
         requests::TARGETS,
         stored::TARGETS,
         curricula::TARGETS,

@@ -19,7 +19,7 @@ fn variable(name: &str) -> Option<u64> {
 fn run(name: &str) -> String {
     let target = find(name).unwrap_or_else(|| panic!("there is no target {name}"));
     let plan = Plan {
-        inputs: variable("SPARRING_FUZZ_INPUTS").unwrap_or(INPUTS),
+        inputs: variable("SPARRING_FUZZ_INPUTS").unwrap_or(INPUTS) / target.divisor,
         seed: variable("SPARRING_FUZZ_SEED").unwrap_or(0),
         timeout: TIMEOUT,
     };
@@ -57,6 +57,7 @@ tests! {
     json messagepack query requests
     python_json lax_numbers actions
     scenario action_log log_steps observation
+    tasking_recording tasking_episode
     frame session_message columns_json columns_messagepack results reset_request rpc query_words body
     ids words token stored_log stored_bracket compacted_leases stored_columns stored_group
     settings snapshot curriculum_events suite_file

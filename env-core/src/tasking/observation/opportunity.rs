@@ -1,7 +1,7 @@
 //! Properties of an upcoming opportunity.
 
 use super::property::{planet_body_rate, planet_velocity};
-use super::view::SatelliteView;
+use super::view::{Moment, SatelliteView};
 use crate::tasking::access::Opportunity;
 use crate::tasking::error::TaskingError;
 use crate::tasking::vector3::{Vector3, cross, dot, norm, rotate, rotate_back, scale, sub};
@@ -113,17 +113,27 @@ impl OpportunityProperty {
             Self::Open => open_s - view.moment.time_s,
             Self::Middle => (open_s + close_s) / 2.0 - view.moment.time_s,
             Self::Close => close_s - view.moment.time_s,
-            Self::Angle => angle(view, &object.position),
+            Self::Angle => angle_to(view.moment, &object.position),
             Self::AngleRate => angle_rate(view, &object.position),
         };
         out.push(value / divisor);
     }
 }
 
+impl OpportunityProperty {
+    /// Appends the values where there is no opportunity: its window is the end of the episode, `left_s` seconds from now.
+    pub fn write_missing(self, left_s: f64, divisor: f64, out: &mut Vec<f64>) {
+        match self {
+            Self::Open | Self::Middle | Self::Close => out.push(left_s / divisor),
+            _ => out.resize(out.len() + self.len(), 0.0),
+        }
+    }
+}
+
 /// Angle between the instrument and a planet-fixed position, rad.
-fn angle(view: &SatelliteView<'_>, position: &Vector3<f64>) -> f64 {
-    let to_object = sub(position, &view.moment.planet_position);
-    libm::acos((dot(&to_object, &view.moment.instrument_fixed) / norm(&to_object)).clamp(-1.0, 1.0))
+pub(in crate::tasking) fn angle_to(moment: &Moment, position: &Vector3<f64>) -> f64 {
+    let to_object = sub(position, &moment.planet_position);
+    libm::acos((dot(&to_object, &moment.instrument_fixed) / norm(&to_object)).clamp(-1.0, 1.0))
 }
 
 /// Rate of the frame that points at a planet-fixed position, relative to the body, rad/s.

@@ -185,6 +185,18 @@ impl TaskedSatellite {
         [self.state.stored, self.initial_stored]
     }
 
+    /// Charge of the battery, J.
+    #[must_use]
+    pub const fn battery_ws(&self) -> f64 {
+        self.state.battery
+    }
+
+    /// Net power of the last tick, W.
+    #[must_use]
+    pub const fn net_power_w(&self) -> f64 {
+        self.state.net_power
+    }
+
     /// True if the satellite meets all conditions of BSK-RL's aliveness checkers.
     #[must_use]
     pub fn is_alive(&self) -> bool {

@@ -11,6 +11,9 @@ use crate::tasking::satellite::SatelliteSpec;
 use crate::tasking::time::Epoch;
 use crate::tasking::vector3::Vector3;
 
+/// Longest time limit, and longest time for which opportunities are computed: a year, s.
+pub const MAX_TIME_S: f64 = 366.0 * 86_400.0;
+
 /// A satellite with its tasking: an agent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AgentSetup {
@@ -245,11 +248,7 @@ impl Setup {
         if self.agents.is_empty() {
             return fail("an episode needs at least one satellite".to_owned());
         }
-        if self.clock.max_step_s <= 0.0 || self.clock.time_limit_s < 0.0 {
-            return fail(
-                "max_step_duration must be greater than 0 and time_limit must not be negative".to_owned(),
-            );
-        }
+        self.clock.check().or_else(fail)?;
         for agent in &self.agents {
             agent.check().or_else(fail)?;
         }
@@ -260,6 +259,41 @@ impl Setup {
                 "satellite {} must have a LOSCommDynModel for communication by lines of sight",
                 agent.satellite.name
             ));
+        }
+        Ok(())
+    }
+}
+
+impl ClockSetup {
+    /// Checks the longest step and the time limit.
+    fn check(&self) -> Result<(), String> {
+        let limit = self.time_limit_s;
+        if self.max_step_s.is_nan() || self.max_step_s <= 0.0 {
+            return Err(format!("max_step_duration must be greater than 0, got {}", self.max_step_s));
+        }
+        if !(0.0..=MAX_TIME_S).contains(&limit) && limit != f64::INFINITY {
+            return Err(format!("time_limit must be from 0 to {MAX_TIME_S} s, or infinite, got {limit}"));
+        }
+        Ok(())
+    }
+}
+
+impl GenerationTimes {
+    /// Checks that the times are within bounds.
+    fn check(&self) -> Result<(), String> {
+        let Self { block_s, initial_s, max_beyond_s } = *self;
+        if !(block_s > 0.0 && block_s <= MAX_TIME_S) {
+            return Err(format!(
+                "generation_duration must be greater than 0 and at most {MAX_TIME_S} s, got {block_s}"
+            ));
+        }
+        if let Some(initial) = initial_s.filter(|initial| !(0.0..=MAX_TIME_S).contains(initial)) {
+            return Err(format!(
+                "initial_generation_duration must be from 0 to {MAX_TIME_S} s, got {initial}"
+            ));
+        }
+        if max_beyond_s.is_nan() || max_beyond_s < 0.0 {
+            return Err(format!("max_generation_duration must not be negative, got {max_beyond_s}"));
         }
         Ok(())
     }
@@ -278,6 +312,9 @@ impl AgentSetup {
             return Err(format!(
                 "satellite {name}: ContinuousImagingFSWModel and ContinuousImagingDynModel belong together"
             ));
+        }
+        if let Some(times) = self.class.generation() {
+            times.check().map_err(|reason| format!("satellite {name}: {reason}"))?;
         }
         if self.actions.is_empty() {
             return Err(format!("satellite {name} needs at least one action"));

@@ -35,9 +35,10 @@ impl TaskingSim {
         let mut choices = Vec::with_capacity(actions.len());
         let time = self.time_s();
         for (agent, action) in self.agents.iter_mut().zip(actions) {
-            choices.push(match action {
-                Some(action) => Some(agent.resolve(*action, time, &mut self.sky)?),
-                None => None,
+            let choice = action.map(|action| agent.resolve(action, time, &mut self.sky)).transpose();
+            choices.push(match choice {
+                Err(TaskingError::NoOpportunity { .. }) if self.tolerates_missing => None,
+                other => other?,
             });
         }
         for (agent, choice) in self.agents.iter_mut().zip(choices) {

@@ -8,6 +8,7 @@ mod agent;
 pub mod communication;
 mod events;
 pub mod observe;
+mod queries;
 mod rewards;
 pub mod run;
 pub mod step;
@@ -52,6 +53,8 @@ pub struct TaskingSim {
     steps: u32,
     /// Memory for the opportunities that an observation or action needs.
     found: Vec<Opportunity>,
+    /// True if a missing opportunity is no error.
+    tolerates_missing: bool,
 }
 
 /// Parts of a set-up that belong to the episode rather than to a satellite.
@@ -117,6 +120,7 @@ impl TaskingSim {
             last_communication_s: 0.0,
             steps: 0,
             found: Vec::new(),
+            tolerates_missing: false,
             sky,
         };
         for agent in &mut sim.agents {

@@ -148,6 +148,15 @@ impl TaskingSim {
             }
         }
         self.found = found;
-        result
+        match result {
+            Err(TaskingError::NoOpportunity { .. }) if self.tolerates_missing => {
+                let left_s = self.time_limit_s() - moment.time_s;
+                for _ in 0..*count {
+                    properties.iter().for_each(|entry| entry.property.write_missing(left_s, entry.norm, out));
+                }
+                Ok(())
+            }
+            other => other,
+        }
     }
 }

@@ -32,7 +32,7 @@ pub struct StepResult {
 
 /// Runs a step of several episodes side by side. An episode whose actions are not valid does not take part.
 pub fn step_all(
-    episodes: &mut [TaskingSim],
+    episodes: &mut [&mut TaskingSim],
     actions: &[Vec<Option<AgentAction>>],
     set: InstructionSet,
 ) -> Vec<Result<StepResult, TaskingError>> {
@@ -43,7 +43,7 @@ pub fn step_all(
             Ok(is_ended) => {
                 errors.push(None);
                 if !is_ended {
-                    running.push(episode);
+                    running.push(&mut **episode);
                 }
             }
             Err(error) => errors.push(Some(error)),
@@ -58,7 +58,7 @@ pub fn step_all(
     for group in running.chunk_by_mut(|a, b| a.setup.clock.tick == b.setup.clock.tick) {
         run_all(group, set);
     }
-    let finish = |(episode, error): (&mut TaskingSim, Option<TaskingError>)| match error {
+    let finish = |(episode, error): (&mut &mut TaskingSim, Option<TaskingError>)| match error {
         None => Ok(episode.finish_step()),
         Some(error) => Err(error),
     };

@@ -36,8 +36,10 @@ fn run_together(setups: &[Setup], set: InstructionSet) -> Vec<Vec<[u8; 32]>> {
     for _ in 0..STEPS {
         let actions: Vec<_> =
             sims.iter().zip(&mut draws).map(|(sim, draws)| random_actions(sim, draws)).collect();
-        let results: Vec<StepResult> =
-            step_all(&mut sims, &actions, set).into_iter().map(|result| result.unwrap()).collect();
+        let results: Vec<StepResult> = step_all(&mut sims.iter_mut().collect::<Vec<_>>(), &actions, set)
+            .into_iter()
+            .map(|result| result.unwrap())
+            .collect();
         assert_eq!(results.len(), sims.len());
         hashes.iter_mut().zip(&sims).for_each(|(hashes, sim)| hashes.push(sim.state_hash()));
     }

@@ -1,0 +1,60 @@
+//! Questions about an episode's satellites and sky.
+
+use super::TaskingSim;
+use crate::tasking::access::{Opportunity, OpportunityKind};
+use crate::tasking::observation::opportunity::angle_to;
+use crate::tasking::observation::view::Moment;
+use crate::tasking::vector3::{Vector3, rotate};
+
+impl TaskingSim {
+    /// Makes a missing opportunity no error: an action that needs one lets the satellite go on, and an observation has the end of the
+    /// episode instead of its window.
+    pub const fn tolerate_missing_opportunities(&mut self) {
+        self.tolerates_missing = true;
+    }
+
+    /// Time limit of the episode, s; may be infinite.
+    #[must_use]
+    pub const fn time_limit_s(&self) -> f64 {
+        self.setup.clock.time_limit_s
+    }
+
+    /// Times at which the next eclipse begins and the next one ends, s.
+    pub fn next_eclipse(&mut self, index: usize) -> [f64; 2] {
+        let now_s = self.time_s();
+        let agent = &mut self.agents[index];
+        agent.eclipses.next(now_s, agent.satellite.orbit_mut(), &mut self.sky)
+    }
+
+    /// The next windows of a kind, at most `count`, without targets that are known to be imaged.
+    pub fn next_windows(&mut self, index: usize, kind: OpportunityKind, count: usize) -> Vec<Opportunity> {
+        let mut found = Vec::new();
+        let now_s = self.time_s();
+        match self.agents[index].next_opportunities(kind, count, now_s, &mut self.sky, &mut found) {
+            Ok(()) => found,
+            Err(_) => Vec::new(),
+        }
+    }
+
+    /// Angle between the instrument and a target at a moment, rad.
+    #[must_use]
+    pub fn angle_to(&self, target: usize, moment: &Moment) -> f64 {
+        angle_to(moment, &self.setup.targets[target].position)
+    }
+
+    /// Position of a satellite in the planet-fixed frame, m.
+    #[must_use]
+    pub fn planet_position(&self, index: usize) -> Vector3<f64> {
+        let matrix = self.sky.earth(self.time_s()).planet_from_inertial();
+        rotate(&matrix, &self.agents[index].satellite.state.position)
+    }
+
+    /// Memory of the episode, about, in bytes.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
+        let windows = |index: usize| size_of_val(&self.opportunities(index).all()[..]);
+        let nodes = |index: usize| 2 * size_of_val(self.agents[index].satellite.orbit().nodes());
+        let agents: usize = (0..self.len()).map(|index| windows(index) + nodes(index)).sum();
+        agents + size_of_val(&self.setup.targets[..]) + self.len() * size_of::<super::agent::Agent>()
+    }
+}

@@ -1,0 +1,310 @@
+//! Parameter spaces, options and levels of the tasks, as data.
+
+use std::sync::LazyLock;
+
+use crate::space::{ActionSpace, Harder, Levels, OptionSpec, ParamSpec};
+
+/// Number of opportunities that an imager observes and can image.
+pub(super) const TARGETS_AHEAD: usize = 10;
+
+/// Actions of the task `tasking/scanning`.
+pub(super) const SCANNING_ACTIONS: ActionSpace =
+    ActionSpace::discrete(&["scan", "charge", "downlink", "desaturate"]);
+/// Actions of `tasking/imaging` and `tasking/constellation`.
+pub(super) const IMAGING_ACTIONS: ActionSpace = ActionSpace::discrete(&[
+    "image_0",
+    "image_1",
+    "image_2",
+    "image_3",
+    "image_4",
+    "image_5",
+    "image_6",
+    "image_7",
+    "image_8",
+    "image_9",
+    "charge",
+    "downlink",
+    "desaturate",
+]);
+
+const fn param(
+    name: &'static str,
+    unit: &'static str,
+    [min, max, step]: [f64; 3],
+    default: f64,
+    harder: Harder,
+    description: &'static str,
+) -> ParamSpec {
+    ParamSpec { name, unit, min, max, step, whole: false, default, harder, description }
+}
+
+/// A param that must be an integer.
+const fn whole(
+    name: &'static str,
+    unit: &'static str,
+    range: [f64; 3],
+    default: f64,
+    harder: Harder,
+    description: &'static str,
+) -> ParamSpec {
+    ParamSpec { whole: true, ..param(name, unit, range, default, harder, description) }
+}
+
+const BATTERY: ParamSpec = param(
+    "battery_wh",
+    "W·h",
+    [1.0, 2000.0, 5.0],
+    200.0,
+    Harder::Down,
+    "capacity of the battery; a satellite whose battery is empty dies",
+);
+const CHARGE_MIN: ParamSpec = param(
+    "charge_min",
+    "",
+    [0.01, 1.0, 0.05],
+    0.3,
+    Harder::Down,
+    "the battery's charge at the start is U(this, charge_max) of its capacity",
+);
+const CHARGE_MAX: ParamSpec = param(
+    "charge_max",
+    "",
+    [0.01, 1.0, 0.05],
+    1.0,
+    Harder::Down,
+    "largest charge at the start, as a share of the battery",
+);
+const PANEL: ParamSpec =
+    param("panel_m2", "m²", [0.01, 5.0, 0.01], 0.25, Harder::Down, "area of the solar panel");
+const SCANNING_TIME: ParamSpec = whole(
+    "time_limit_s",
+    "s",
+    [600.0, 57_000.0, 300.0],
+    28_500.0,
+    Harder::Up,
+    "duration of an episode: by default five orbits",
+);
+const STATIONS: ParamSpec = whole(
+    "stations",
+    "",
+    [1.0, 7.0, 1.0],
+    7.0,
+    Harder::Down,
+    "ground stations, the first of Boulder, Merritt, Singapore, Weilheim, Santiago, Dongara and Hawaii",
+);
+
+/// Parameter space of `tasking/scanning`.
+pub(super) static SCANNING_SPACE: [ParamSpec; 10] = [
+    BATTERY,
+    CHARGE_MIN,
+    CHARGE_MAX,
+    PANEL,
+    param("storage_gbit", "Gbit", [0.1, 1000.0, 1.0], 40.0, Harder::Down, "capacity of the data storage"),
+    param(
+        "storage_fill",
+        "",
+        [0.0, 1.0, 0.05],
+        0.8,
+        Harder::Up,
+        "the storage holds U(0, this) of its capacity at the start",
+    ),
+    param(
+        "wheel_rpm",
+        "rpm",
+        [0.0, 5900.0, 100.0],
+        3000.0,
+        Harder::Up,
+        "speeds of the wheels at the start are U(-this, this); a wheel at 6000 rpm ends the episode",
+    ),
+    param(
+        "disturbance_mnm",
+        "mN·m",
+        [0.0, 10.0, 0.05],
+        0.1,
+        Harder::Up,
+        "standard deviation of the constant disturbing torque about each axis",
+    ),
+    STATIONS,
+    SCANNING_TIME,
+];
+
+const TARGETS: ParamSpec = whole(
+    "targets",
+    "",
+    [10.0, 10_000.0, 50.0],
+    1250.0,
+    Harder::Up,
+    "targets on the Earth: with more of them, the choice matters more",
+);
+const PRIORITY_POWER: ParamSpec = param(
+    "priority_power",
+    "",
+    [1.0, 8.0, 0.5],
+    1.0,
+    Harder::Up,
+    "a target's priority is U(0, 1) to this power: the larger, the fewer valuable targets",
+);
+const OMEGA_MAX: ParamSpec = param(
+    "omega_max_rad_s",
+    "rad/s",
+    [0.005, 0.2, 0.005],
+    0.087,
+    Harder::Down,
+    "largest rate that the steering commands",
+);
+const U_MAX: ParamSpec =
+    param("u_max_n_m", "N·m", [0.01, 1.0, 0.01], 0.4, Harder::Down, "largest torque of a wheel");
+const ATTITUDE_ERROR: ParamSpec = param(
+    "attitude_error",
+    "",
+    [0.0005, 0.1, 0.0005],
+    0.01,
+    Harder::Down,
+    "largest attitude error of an image, as the norm of an MRP",
+);
+const STORAGE_IMAGES: ParamSpec = whole(
+    "storage_images",
+    "",
+    [1.0, 10_000.0, 10.0],
+    500.0,
+    Harder::Down,
+    "images that the data storage holds",
+);
+
+const fn imaging_time(default: f64) -> ParamSpec {
+    whole("time_limit_s", "s", [600.0, 57_000.0, 300.0], default, Harder::Up, "duration of an episode")
+}
+
+/// Parameter space of `tasking/imaging`.
+pub(super) static IMAGING_SPACE: [ParamSpec; 11] = [
+    TARGETS,
+    PRIORITY_POWER,
+    OMEGA_MAX,
+    U_MAX,
+    ATTITUDE_ERROR,
+    BATTERY,
+    CHARGE_MIN,
+    CHARGE_MAX,
+    PANEL,
+    STORAGE_IMAGES,
+    imaging_time(17_100.0),
+];
+
+/// Parameter space of `tasking/constellation`.
+pub(super) static CONSTELLATION_SPACE: [ParamSpec; 14] = [
+    whole(
+        "satellites",
+        "",
+        [1.0, 8.0, 1.0],
+        3.0,
+        Harder::Up,
+        "satellites, each an agent, on one orbit at 800 km with an inclination of 60°",
+    ),
+    param(
+        "spacing_deg",
+        "°",
+        [1.0, 120.0, 5.0],
+        120.0,
+        Harder::Down,
+        "angle between neighbours along the orbit: close ones see the same targets",
+    ),
+    param(
+        "link_km",
+        "km",
+        [100.0, 20_000.0, 100.0],
+        20_000.0,
+        Harder::Down,
+        "largest distance of a line of sight along which satellites share which targets are imaged",
+    ),
+    ParamSpec { default: 1000.0, ..TARGETS },
+    PRIORITY_POWER,
+    OMEGA_MAX,
+    U_MAX,
+    ATTITUDE_ERROR,
+    BATTERY,
+    CHARGE_MIN,
+    CHARGE_MAX,
+    PANEL,
+    STORAGE_IMAGES,
+    imaging_time(11_400.0),
+];
+
+const GRAVITY: OptionSpec = OptionSpec {
+    name: "gravity",
+    choices: &["ggm10", "j2", "kepler"],
+    description: "ggm10: GGM03S to degree and order 10 with the Sun, as BSK-RL; j2: point mass and oblateness; kepler: point mass",
+    manual_choices: &[],
+};
+const THRUSTERS: OptionSpec = OptionSpec {
+    name: "thrusters",
+    choices: &["basilisk", "full"],
+    description: "basilisk: a pulse of a full second delivers a sixth of its impulse and a shorter one none, as in BSK-RL; full: \
+                  every pulse delivers its impulse",
+    manual_choices: &[],
+};
+const RETASKING: OptionSpec = OptionSpec {
+    name: "retasking",
+    choices: &["idle", "any"],
+    description: "idle: actions of satellites that are busy are ignored; any: they replace the current action, as in BSK-RL",
+    manual_choices: &[],
+};
+const COMMUNICATION: OptionSpec = OptionSpec {
+    name: "communication",
+    choices: &["los", "los_multi", "free", "none"],
+    description: "who shares which targets are imaged at the end of a step; los: satellites that saw each other in it; los_multi: \
+                  along paths of such links; free: all; none: nobody",
+    manual_choices: &[],
+};
+
+/// Options of the tasks with one satellite.
+pub(super) static SINGLE_OPTIONS: [OptionSpec; 3] = [GRAVITY, THRUSTERS, RETASKING];
+/// Options of the task `tasking/constellation`.
+pub(super) static CONSTELLATION_OPTIONS: [OptionSpec; 4] = [GRAVITY, THRUSTERS, RETASKING, COMMUNICATION];
+
+const CHARGES_MIN: [f64; 10] = [0.6, 0.5, 0.4, 0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.3];
+const CHARGES_MAX: [f64; 10] = [1.0, 1.0, 1.0, 1.0, 0.9, 0.8, 0.7, 0.6, 0.6, 0.5];
+const IMAGER_BATTERIES: [f64; 10] = [1000.0, 1000.0, 400.0, 200.0, 150.0, 100.0, 80.0, 60.0, 50.0, 40.0];
+
+/// Default levels of `tasking/scanning`; level 3 is the environment of the paper.
+pub(super) static SCANNING_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
+    Levels::from_table(
+        &SCANNING_SPACE,
+        &[
+            ("battery_wh", [400.0, 300.0, 200.0, 200.0, 150.0, 100.0, 80.0, 60.0, 50.0, 40.0]),
+            ("charge_min", CHARGES_MIN),
+            ("charge_max", CHARGES_MAX),
+            ("panel_m2", [0.5, 0.35, 0.3, 0.25, 0.25, 0.25, 0.25, 0.22, 0.2, 0.18]),
+            ("storage_gbit", [40.0, 40.0, 40.0, 40.0, 30.0, 20.0, 15.0, 12.0, 10.0, 8.0]),
+            ("storage_fill", [0.2, 0.4, 0.6, 0.8, 0.8, 0.8, 0.8, 0.8, 0.8, 0.8]),
+            ("wheel_rpm", [1000.0, 2000.0, 3000.0, 3000.0, 3500.0, 4000.0, 4000.0, 4500.0, 4500.0, 4500.0]),
+            ("disturbance_mnm", [0.1, 0.1, 0.1, 0.1, 0.1, 0.2, 0.3, 0.4, 0.5, 0.5]),
+            ("stations", [7.0, 7.0, 7.0, 7.0, 7.0, 6.0, 5.0, 5.0, 4.0, 4.0]),
+        ],
+    )
+});
+
+/// Columns of the levels that imaging and constellations share.
+const IMAGER_LEVELS: [(&str, [f64; 10]); 9] = [
+    ("targets", [1000.0, 1250.0, 1500.0, 2000.0, 2000.0, 2500.0, 3000.0, 3000.0, 4000.0, 5000.0]),
+    ("priority_power", [1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0]),
+    ("omega_max_rad_s", [0.087, 0.087, 0.087, 0.087, 0.07, 0.06, 0.05, 0.04, 0.035, 0.03]),
+    ("u_max_n_m", [0.4, 0.4, 0.4, 0.3, 0.3, 0.2, 0.2, 0.15, 0.12, 0.1]),
+    ("attitude_error", [0.01, 0.01, 0.01, 0.01, 0.008, 0.006, 0.005, 0.004, 0.003, 0.002]),
+    ("battery_wh", IMAGER_BATTERIES),
+    ("charge_min", CHARGES_MIN),
+    ("charge_max", CHARGES_MAX),
+    ("panel_m2", [0.5, 0.35, 0.3, 0.25, 0.25, 0.25, 0.25, 0.22, 0.2, 0.18]),
+];
+
+/// Default levels of `tasking/imaging`.
+pub(super) static IMAGING_LEVELS: LazyLock<Levels> =
+    LazyLock::new(|| Levels::from_table(&IMAGING_SPACE, &IMAGER_LEVELS));
+
+/// Default levels of `tasking/constellation`.
+pub(super) static CONSTELLATION_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
+    let own = [
+        ("satellites", [2.0, 3.0, 3.0, 4.0, 4.0, 5.0, 6.0, 6.0, 8.0, 8.0]),
+        ("spacing_deg", [40.0, 30.0, 20.0, 20.0, 15.0, 10.0, 10.0, 5.0, 5.0, 5.0]),
+    ];
+    Levels::from_table(&CONSTELLATION_SPACE, &[&own[..], &IMAGER_LEVELS].concat())
+});

@@ -1,0 +1,153 @@
+//! A recipe as the settings of an episode.
+
+use crate::episode_rng::SeededRng;
+use crate::error::ScenarioError;
+use crate::task::Recipe;
+use crate::tasking::environments::{ConstellationParams, ImagingParams, ScanningParams, TaskingEnvironment};
+use crate::tasking::orbit::GravityModel;
+use crate::tasking::setup::Setup;
+use crate::tasking::setup::environment::{Links, SatelliteClass};
+use crate::text::{MAX_QUOTED_CHARS, shorten};
+
+/// Largest number of satellites of a task.
+pub(super) const MAX_SATELLITES: usize = 8;
+/// Metres of a kilometre.
+const M_PER_KM: f64 = 1000.0;
+
+/// Settings of an episode, read from a recipe.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct TaskSetup {
+    environment: TaskingEnvironment,
+    gravity: GravityModel,
+    full_thrust: bool,
+    /// Largest distance of a link, m.
+    link_range_m: Option<f64>,
+    /// True if satellites that are busy accept actions.
+    pub(super) retasks_busy: bool,
+}
+
+impl TaskSetup {
+    /// Reads a recipe of one of the tasks.
+    ///
+    /// # Errors
+    /// Returns an error if params contradict each other, or the recipe has a layout.
+    pub(super) fn read(recipe: &Recipe) -> Result<Self, ScenarioError> {
+        if let Some(table) = recipe.layout().and_then(|layout| layout.bodies.keys().next()) {
+            return Err(ScenarioError::UnknownField {
+                field: format!("layout.bodies.{}", shorten(table, MAX_QUOTED_CHARS)),
+                known: String::new(),
+            });
+        }
+        let params = Params(recipe);
+        let (low, high) = (params.get("charge_min"), params.get("charge_max"));
+        if low > high {
+            return Err(ScenarioError::OutOfRange {
+                field: "params.charge_min".to_owned(),
+                value: low,
+                min: 0.0,
+                max: high,
+            });
+        }
+        let option = |name: &str| recipe.option(name);
+        Ok(Self {
+            environment: params.environment(),
+            gravity: option("gravity").and_then(GravityModel::from_name).unwrap_or_default(),
+            full_thrust: option("thrusters") == Some("full"),
+            link_range_m: recipe.param("link_km").map(|km| km * M_PER_KM),
+            retasks_busy: option("retasking") == Some("any"),
+        })
+    }
+
+    /// Number of satellites of an episode.
+    pub(super) const fn satellites(&self) -> usize {
+        match self.environment {
+            TaskingEnvironment::Constellation(params) => params.satellites as usize,
+            _ => 1,
+        }
+    }
+
+    /// Draws a scenario. Opportunities are computed to the time limit at the start and never again: in BSK-RL observations compute
+    /// more of them, which changes when windows close.
+    pub(super) fn draw(&self, rng: &mut SeededRng) -> Setup {
+        let mut setup = self.environment.setup(rng);
+        for agent in &mut setup.agents {
+            if let SatelliteClass::Access(times) | SatelliteClass::Imaging(times) = &mut agent.class {
+                times.max_beyond_s = 0.0;
+            }
+        }
+        setup.gravity = self.gravity;
+        setup.full_thrust = self.full_thrust;
+        if let Some(range) = self.link_range_m {
+            setup.agents.iter_mut().for_each(|agent| agent.satellite.args.link_max_range_m = range);
+        }
+        setup
+    }
+}
+
+/// Params of a recipe by name.
+struct Params<'a>(&'a Recipe);
+
+impl Params<'_> {
+    fn get(&self, name: &str) -> f64 {
+        self.0.param(name).unwrap_or_default()
+    }
+
+    fn whole(&self, name: &str) -> u32 {
+        self.get(name) as u32
+    }
+
+    fn environment(&self) -> TaskingEnvironment {
+        match self.0.task().id() {
+            "tasking/scanning" => TaskingEnvironment::Scanning(self.scanning()),
+            "tasking/imaging" => TaskingEnvironment::Imaging(self.imaging()),
+            _ => TaskingEnvironment::Constellation(self.constellation()),
+        }
+    }
+
+    fn scanning(&self) -> ScanningParams {
+        ScanningParams {
+            battery_wh: self.get("battery_wh"),
+            charge_min: self.get("charge_min"),
+            charge_max: self.get("charge_max"),
+            panel_m2: self.get("panel_m2"),
+            storage_gbit: self.get("storage_gbit"),
+            storage_fill: self.get("storage_fill"),
+            wheel_rpm: self.get("wheel_rpm"),
+            disturbance_mnm: self.get("disturbance_mnm"),
+            stations: self.whole("stations"),
+            time_limit_s: self.get("time_limit_s"),
+        }
+    }
+
+    fn imaging(&self) -> ImagingParams {
+        ImagingParams {
+            targets: self.whole("targets"),
+            priority_power: self.get("priority_power"),
+            omega_max_rad_s: self.get("omega_max_rad_s"),
+            u_max_n_m: self.get("u_max_n_m"),
+            attitude_error: self.get("attitude_error"),
+            battery_wh: self.get("battery_wh"),
+            charge_min: self.get("charge_min"),
+            charge_max: self.get("charge_max"),
+            panel_m2: self.get("panel_m2"),
+            storage_images: self.whole("storage_images"),
+            time_limit_s: self.get("time_limit_s"),
+        }
+    }
+
+    fn constellation(&self) -> ConstellationParams {
+        let (links, multi_degree) = match self.0.option("communication") {
+            Some("none") => (Links::None, false),
+            Some("free") => (Links::Free, false),
+            Some("los_multi") => (Links::LineOfSight, true),
+            _ => (Links::LineOfSight, false),
+        };
+        ConstellationParams {
+            satellites: self.whole("satellites"),
+            spacing_deg: self.get("spacing_deg"),
+            links,
+            multi_degree,
+            imaging: self.imaging(),
+        }
+    }
+}
