@@ -48,6 +48,15 @@ pub enum TaskingError {
         "no event ends this step: give a satellite an action with a duration, or set max_step_duration or time_limit"
     )]
     EndlessStep,
+    /// The motion of a satellite is no longer finite.
+    #[error(
+        "the attitude of satellite {satellite} diverged: its control is unstable at this sim_rate; shorten the ticks, or lower its gains \
+         or u_max"
+    )]
+    Diverged {
+        /// Name of the satellite.
+        satellite: String,
+    },
     /// A satellite has no upcoming opportunity of the required types.
     #[error(
         "satellite {satellite} has no upcoming opportunity of type {types}; add targets, lower the minimum elevation, or extend \

@@ -197,6 +197,14 @@ impl TaskedSatellite {
         self.state.net_power
     }
 
+    /// True if attitude, wheels and battery are finite numbers.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        let attitude = &self.state.attitude;
+        let vectors = [attitude.sigma, attitude.omega, attitude.wheels];
+        vectors.iter().flatten().all(|x| x.is_finite()) && self.state.battery.is_finite()
+    }
+
     /// True if the satellite meets all conditions of BSK-RL's aliveness checkers.
     #[must_use]
     pub fn is_alive(&self) -> bool {

@@ -14,6 +14,11 @@ use crate::tasking::vector3::Vector3;
 /// Longest time limit, and longest time for which opportunities are computed: a year, s.
 pub const MAX_TIME_S: f64 = 366.0 * 86_400.0;
 
+/// Shortest block of opportunities, s.
+const MIN_BLOCK_S: f64 = 0.001;
+/// Longest block of opportunities: ten days, s.
+const MAX_BLOCK_S: f64 = 10.0 * 86_400.0;
+
 /// A satellite with its tasking: an agent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AgentSetup {
@@ -242,7 +247,8 @@ impl Setup {
     /// Checks that the parts fit together.
     ///
     /// # Errors
-    /// Returns [`TaskingError::Composition`] if they do not.
+    /// Returns [`TaskingError::Composition`] if they do not, and [`TaskingError::InvalidArgument`] if an argument of a satellite is
+    /// out of range.
     pub fn check(&self) -> Result<(), TaskingError> {
         let fail = |reason: String| Err(TaskingError::Composition(reason));
         if self.agents.is_empty() {
@@ -251,6 +257,7 @@ impl Setup {
         self.clock.check().or_else(fail)?;
         for agent in &self.agents {
             agent.check().or_else(fail)?;
+            agent.satellite.args.check()?;
         }
         if self.communicator.links == Links::LineOfSight
             && let Some(agent) = self.agents.iter().find(|agent| !agent.satellite.dynamics.line_of_sight)
@@ -282,9 +289,9 @@ impl GenerationTimes {
     /// Checks that the times are within bounds.
     fn check(&self) -> Result<(), String> {
         let Self { block_s, initial_s, max_beyond_s } = *self;
-        if !(block_s > 0.0 && block_s <= MAX_TIME_S) {
+        if !(MIN_BLOCK_S..=MAX_BLOCK_S).contains(&block_s) {
             return Err(format!(
-                "generation_duration must be greater than 0 and at most {MAX_TIME_S} s, got {block_s}"
+                "generation_duration must be from {MIN_BLOCK_S} to {MAX_BLOCK_S} s, got {block_s}"
             ));
         }
         if let Some(initial) = initial_s.filter(|initial| !(0.0..=MAX_TIME_S).contains(initial)) {

@@ -268,7 +268,7 @@ impl SatelliteArgs {
     }
 
     /// Checks values that would make the simulation fail.
-    fn check(&self) -> Result<(), TaskingError> {
+    pub(super) fn check(&self) -> Result<(), TaskingError> {
         let positive = [
             ("mass", self.mass_kg),
             ("width", self.width_m),

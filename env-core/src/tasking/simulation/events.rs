@@ -1,6 +1,7 @@
 //! Events that end a step.
 
 use super::TaskingSim;
+use super::agent::Agent;
 use crate::tasking::clock::TickLength;
 use crate::tasking::error::TaskingError;
 use crate::tasking::setup::actions::UNLIMITED_S;
@@ -23,17 +24,19 @@ impl TaskingSim {
         if self.process_events() {
             return Ok(true);
         }
-        if self.next_event().is_none() && !self.awaits_image() {
+        if !self.can_end() {
             return Err(TaskingError::EndlessStep);
         }
         Ok(false)
     }
 
-    /// True if an image would end the step.
-    fn awaits_image(&self) -> bool {
-        self.agents
-            .iter()
-            .any(|agent| agent.satellite.awaited_bits.is_some() && agent.setup.variable_interval)
+    /// True if anything can end the step: a limit, or an event or image of a satellite that ends steps.
+    fn can_end(&self) -> bool {
+        let has_event = |agent: &Agent| {
+            let event = agent.timed_event.and_then(|event| event.tick);
+            agent.setup.variable_interval && (event.is_some() || agent.satellite.awaited_bits.is_some())
+        };
+        self.step_limit.is_some() || self.time_limit.is_some() || self.agents.iter().any(has_event)
     }
 
     /// The next tick at which a timed event is due.

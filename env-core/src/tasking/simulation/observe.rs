@@ -8,7 +8,7 @@ use crate::tasking::observation::opportunity::OpportunityView;
 use crate::tasking::observation::spec::{ObservationItem, ObservationSpec};
 use crate::tasking::observation::view::{Moment, SatelliteView};
 use crate::tasking::orbit::OrbitalElements;
-use crate::tasking::setup::environment::Rewarder;
+use crate::tasking::setup::environment::{MAX_TIME_S, Rewarder};
 use crate::tasking::tick::attitude::body_from_inertial;
 use crate::tasking::vector3::{rotate, rotate_back};
 
@@ -54,8 +54,17 @@ impl TaskingSim {
     /// Computes the opportunities of a satellite until they reach a time, s.
     ///
     /// # Errors
-    /// Returns [`TaskingError::Composition`] if it knows no opportunities.
+    /// Returns [`TaskingError::Composition`] if it knows no opportunities, and [`TaskingError::InvalidArgument`] if the time is not
+    /// within [`MAX_TIME_S`].
     pub fn compute_opportunities(&mut self, index: usize, until_s: f64) -> Result<(), TaskingError> {
+        if !(0.0..=MAX_TIME_S).contains(&until_s) {
+            let requirement = format!("must be from 0 to {MAX_TIME_S} s");
+            return Err(TaskingError::InvalidArgument {
+                name: "time".to_owned(),
+                requirement,
+                value: until_s.to_string(),
+            });
+        }
         self.agents[index].compute_to(until_s, &mut self.sky)
     }
 

@@ -59,7 +59,7 @@ pub fn step_all(
         run_all(group, set);
     }
     let finish = |(episode, error): (&mut &mut TaskingSim, Option<TaskingError>)| match error {
-        None => Ok(episode.finish_step()),
+        None => episode.finish_step(),
         Some(error) => Err(error),
     };
     episodes.iter_mut().zip(errors).map(finish).collect()
@@ -70,7 +70,7 @@ impl TaskingSim {
     ///
     /// # Errors
     /// Returns [`TaskingError`] if an action is not valid, or nothing can end the step. The episode has not changed then,
-    /// except that the actions are given if nothing can end the step.
+    /// except that the actions are given if nothing can end the step. After [`TaskingError::Diverged`] it cannot go on.
     pub fn step(
         &mut self,
         actions: &[Option<AgentAction>],
@@ -80,7 +80,7 @@ impl TaskingSim {
         if !self.begin_ticks()? {
             run_one(self, set);
         }
-        Ok(self.finish_step())
+        self.finish_step()
     }
 
     /// Runs a step like [`TaskingSim::step`], and calls `observe` after every tick.
@@ -96,12 +96,18 @@ impl TaskingSim {
         if !self.begin_ticks()? {
             run_traced(self, observe);
         }
-        Ok(self.finish_step())
+        self.finish_step()
     }
 
     /// Collects data, rewards and knowledge after the ticks of a step.
-    pub(super) fn finish_step(&mut self) -> StepResult {
+    ///
+    /// # Errors
+    /// Returns [`TaskingError::Diverged`] if the motion of a satellite is no longer finite.
+    pub(super) fn finish_step(&mut self) -> Result<StepResult, TaskingError> {
         self.steps += 1;
+        if let Some(agent) = self.agents.iter().find(|agent| !agent.satellite.is_finite()) {
+            return Err(TaskingError::Diverged { satellite: agent.name().to_owned() });
+        }
         let resources = self.resource_values();
         let are_images_rewarded = self.setup.rewarders.contains(&Rewarder::UniqueImages);
         let data: Vec<_> = self
@@ -132,7 +138,7 @@ impl TaskingSim {
             }
         }
         let limit_terminates = truncated && self.setup.clock.terminate_on_time_limit;
-        StepResult {
+        Ok(StepResult {
             elapsed_s: self.setup.clock.tick.time_s(self.now) - self.setup.clock.tick.time_s(self.step_start),
             rewards,
             penalties,
@@ -140,7 +146,7 @@ impl TaskingSim {
             truncated,
             pairs,
             imaged: data.iter().map(|new| new.imaged).collect(),
-        }
+        })
     }
 
     /// Lets satellites share data, unless the last time is too recent.

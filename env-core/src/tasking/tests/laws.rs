@@ -122,6 +122,13 @@ fn a_step_that_nothing_ends_is_an_error() {
     let mut sim = TaskingSim::new(setup).unwrap();
     let error = sim.step(&[None], InstructionSet::detect()).unwrap_err().to_string();
     assert!(error.starts_with("no event ends this step"), "{error}");
+    // The end of an action ends no step of a satellite with fixed intervals.
+    let mut setup = recorded_setups().into_iter().find(|setup| setup.agents.len() == 1).unwrap();
+    (setup.clock.time_limit_s, setup.clock.max_step_s) = (f64::INFINITY, f64::INFINITY);
+    setup.agents[0].variable_interval = false;
+    let mut sim = TaskingSim::new(setup).unwrap();
+    let error = sim.step(&[Some(AgentAction::Index(0))], InstructionSet::detect()).unwrap_err();
+    assert!(error.to_string().starts_with("no event ends this step"), "{error}");
 }
 
 #[test]
