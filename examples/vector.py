@@ -42,7 +42,7 @@ class VectorSession:
         url = base_url.replace("http", "ws", 1) + "/v1/sessions"
         self.socket = self.stack.enter_context(connect(url, max_size=None, compression=None, additional_headers=TOKEN))
         self.opened = self.send({"type": "open", "version": 2, **settings})
-        assert self.opened["version"] == 1
+        assert self.opened["version"] == 2
         self.envs, self.agents, self.sequence = self.opened["envs"], self.opened["agents"], 0
         self.first = self.read_frame(self.socket.recv())
 

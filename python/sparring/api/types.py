@@ -1309,15 +1309,25 @@ SuiteSection: TypeAlias = Literal["contested", "as_they_come", "all"]
 """Part of a suite that results are about."""
 
 
+TaskActionKind: TypeAlias = Literal["box", "discrete"]
+"""Kind of the values of an action."""
+
+
 class TaskActionSpace(TypedDict):
     """Action space of one agent."""
 
     columns: list[str]
     """Names of the values of an action, in order."""
     high: float
-    """Largest value; higher ones are clamped."""
+    """Largest value; in a box higher ones are clamped."""
+    hold: float
+    """Value of an agent that does nothing new: in frames, every value of its action equals this one; logs have no entry for it."""
+    kind: TaskActionKind
+    """Kind of the values."""
     low: float
-    """Smallest value; lower ones are clamped."""
+    """Smallest value; in a box lower ones are clamped."""
+    names: list[str]
+    """Names of the actions of a discrete space, by index; empty for a box."""
     unit: str
     """Unit of the values."""
 
@@ -2337,7 +2347,7 @@ class Task(TypedDict):
     failure_modes: list[TaskFailureMode]
     """Failure modes: reasons why an episode loses score."""
     horizon: int
-    """Number of steps after which an episode is truncated, at default params."""
+    """Largest number of steps of an episode, at default params."""
     id: str
     """Id of the task: `world/task`."""
     levels: LevelTable
@@ -2354,6 +2364,8 @@ class Task(TypedDict):
     """Range of the score."""
     speed_bands: TaskSpeedBands
     """Bands of relative speed in failure profiles."""
+    time_limit_s: NotRequired[float | None]
+    """Time after which an episode is truncated, in seconds, at default params; null in a world that counts steps."""
     world: str
     """World and its version."""
 

@@ -34,7 +34,7 @@ async fn episode_runs_to_its_end_and_the_next_one_starts() {
     let server = Server::start().await;
     let options = json!({"task": "survival", "seed": 11, "params": {"debris": 40}, "episode_id": "mine"});
     let (mut socket, opened) = SessionSocket::open(&server.api(), options).await;
-    assert_eq!((&opened["version"], &opened["mode"]), (&json!(1), &json!("single")));
+    assert_eq!((&opened["version"], &opened["mode"]), (&json!(2), &json!("single")));
     assert_eq!(
         (&opened["agents"], &opened["episode"], &opened["ttl_s"]),
         (&json!(3), &json!("mine"), &json!(60))
