@@ -183,7 +183,9 @@ fn seconds_per_reset(environment: TaskingEnvironment, seconds: f64) -> anyhow::R
     let mut count = 0;
     while begun.elapsed().as_secs_f64() < seconds {
         stepper.sims[0] = stepper.reset()?;
-        stepper.sims[0].observe(0, &mut stepper.observation)?;
+        for satellite in 0..stepper.sims[0].len() {
+            stepper.sims[0].observe(satellite, &mut stepper.observation)?;
+        }
         stepper.observation.clear();
         count += 1;
     }

@@ -32,7 +32,7 @@ const STEPS_PER_CLOCK_READING: u32 = 16;
 /// Measure the environment steps per second of one thread.
 ///
 /// Steps a batch of environments of one world in this process, with the task and params of the world's benchmark
-/// (kessler: survival with 50 debris; tasking: each task). In every step about half of the agents take a small action, or all
+/// (kessler: survival with 50 debris; tasking: scanning). In every step about half of the agents take a small action, or all
 /// choose one of the named actions. Every episode has a
 /// new seed, and full f32 observations are written after every step and reset. Resets count as part of the measured
 /// time. The time is divided into 20 slices; the result is their median, with the 5th and 95th percentile as its spread.

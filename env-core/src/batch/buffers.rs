@@ -25,7 +25,7 @@ pub struct BatchOutput<'a> {
     /// Duration of the step in the world's unit, `envs`; zero if the step was a reset. Empty if the caller does not need it.
     pub elapsed: &'a mut [f32],
     /// True if an agent needs a new action, `envs × agents`; empty if the caller does not need it. Where actions last several steps,
-    /// it is false until one is over.
+    /// it is false until one is over. If the step began another episode, it belongs to that one.
     pub needs_action: &'a mut [bool],
     /// Actions along the world's axes before clamping, as a log contains them, `envs × agents × action`; empty if the
     /// caller does not need them. They are hold if the step was a reset.
@@ -45,8 +45,6 @@ pub struct LaneOutput<'a> {
     pub truncated: &'a mut [bool],
     /// Duration of the step in the world's unit; empty if the caller does not need it.
     pub elapsed: &'a mut [f32],
-    /// True if an agent needs a new action; empty if the caller does not need it.
-    pub needs_action: &'a mut [bool],
     /// Actions along the world's axes; empty if the caller does not need them.
     pub executed_actions: &'a mut [f32],
 }

@@ -38,6 +38,9 @@ pub trait BatchLane: Send + Sized {
         terminated.fill(false);
     }
 
+    /// Writes which agents of the batch need a new action; none if the episode is over. `out` is empty if nobody asks.
+    fn needs_action(&self, out: &mut [bool]);
+
     /// Writes the current observation.
     fn observe(&mut self, out: &mut [f32]);
 

@@ -21,22 +21,22 @@ pub(super) struct StepRow<'a> {
     pub(super) observation: &'a mut [f32],
     pub(super) final_observation: &'a mut [f32],
     pub(super) done: &'a mut bool,
+    pub(super) needs_action: &'a mut [bool],
 }
 
 impl<'a> Row<'a> {
     /// Divides the row into the buffers that a lane writes in a step and the rest.
     pub(super) fn split(self) -> (LaneOutput<'a>, StepRow<'a>) {
-        let Self { observation, final_observation, done, .. } = self;
+        let Self { observation, final_observation, done, needs_action, .. } = self;
         let out = LaneOutput {
             rewards: self.rewards,
             team_reward: self.team_reward,
             terminated: self.terminated,
             truncated: self.truncated,
             elapsed: self.elapsed,
-            needs_action: self.needs_action,
             executed_actions: self.executed_actions,
         };
-        (out, StepRow { observation, final_observation, done })
+        (out, StepRow { observation, final_observation, done, needs_action })
     }
 }
 

@@ -63,13 +63,14 @@ impl EpisodeSequence {
         row: StepRow<'_>,
     ) -> Result<(), BatchError> {
         self.done = done;
-        let StepRow { observation, final_observation, done: is_over } = row;
+        let StepRow { observation, final_observation, done: is_over, needs_action } = row;
         *is_over = done;
         if done && step.autoreset == Autoreset::SameStep {
             lane.observe(final_observation);
             self.restart(lane, step.source)?;
         }
         self.observe(lane, observation);
+        self.needs_action(lane, needs_action);
         Ok(())
     }
 
@@ -96,8 +97,13 @@ impl EpisodeSequence {
         } else {
             lane.mark_absent_agents(out.terminated);
         }
-        out.needs_action.iter_mut().zip(out.terminated).for_each(|(needs, left)| *needs = !*left);
+        self.needs_action(lane, row.needs_action);
         Ok(())
+    }
+
+    /// Writes which agents need an action; none if the slot is idle.
+    fn needs_action(&self, lane: &impl BatchLane, out: &mut [bool]) {
+        if self.idle { out.fill(false) } else { lane.needs_action(out) }
     }
 
     /// Writes the current observation; zeros if the slot is idle.

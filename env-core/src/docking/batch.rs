@@ -123,15 +123,17 @@ impl BatchLane for DockingLane {
                 before && self.sim.deputies().get(agent).is_some_and(|d| d.end_conditions.timeout);
         }
         out.elapsed.fill(STEP_S as f32);
-        for (needs_action, live) in out.needs_action.iter_mut().zip(live) {
-            *needs_action = live;
-        }
         step.done
     }
 
     fn mark_absent_agents(&self, terminated: &mut [bool]) {
         let present = self.sim.deputies().len();
         terminated.iter_mut().enumerate().for_each(|(agent, absent)| *absent = agent >= present);
+    }
+
+    fn needs_action(&self, out: &mut [bool]) {
+        out.fill(false);
+        out.iter_mut().zip(self.sim.active_deputies()).for_each(|(needs_action, live)| *needs_action = live);
     }
 
     fn observe(&mut self, out: &mut [f32]) {

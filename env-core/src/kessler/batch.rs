@@ -202,12 +202,16 @@ impl BatchLane for KesslerLane {
             out.rewards[i] = if stepped.active_before[i] { reward } else { 0.0 };
             out.terminated[i] = !alive;
             out.truncated[i] = alive && stepped.done;
-            if let Some(needs_action) = out.needs_action.get_mut(i) {
-                *needs_action = alive && !stepped.done;
-            }
         }
         out.elapsed.fill(1.0);
         stepped.done
+    }
+
+    fn needs_action(&self, out: &mut [bool]) {
+        let is_done = self.sim.is_done();
+        for (needs_action, satellite) in out.iter_mut().zip(self.sim.satellites()) {
+            *needs_action = satellite.is_active() && !is_done;
+        }
     }
 
     fn observe(&mut self, out: &mut [f32]) {

@@ -63,7 +63,7 @@ impl EarthFrame {
 
 /// The Earth's rotation in an episode.
 ///
-/// The pole moves by 6e-9 of a revolution in a day, so that its angles are expanded to second order around the start.
+/// The pole moves by 5e-8 of a revolution in a day, so that its angles are expanded to second order around the start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EarthRotation {
     start_tdb_s: f64,

@@ -67,6 +67,51 @@ pub(super) fn wheel_speeds(rng: &mut impl EpisodeRng, largest_rpm: f64) -> Vecto
     [0; 3].map(|_| rng.uniform_in(RngStream::Attitude, -largest_rpm, largest_rpm))
 }
 
+/// Latitude and longitude of the 10 000 largest cities, largest first, as little-endian integers in units of 1e-4 degrees
+/// (World Cities Database, simplemaps.com; `scripts/bsk-cities` writes the file).
+static CITIES: &[u8] = include_bytes!("../data/cities.bin");
+/// Size of a city in [`CITIES`], bytes.
+const CITY_BYTES: usize = 8;
+/// Number of cities from which targets are drawn.
+pub(super) const CITY_COUNT: usize = CITIES.len() / CITY_BYTES;
+
+/// Direction of a city from the Earth's centre.
+fn city(index: usize) -> Vector3<f64> {
+    let bytes = &CITIES[index * CITY_BYTES..][..CITY_BYTES];
+    let angle = |at: usize| {
+        let units = i32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
+        libm::sincos((f64::from(units) * 1e-4).to_radians())
+    };
+    let ((sin_latitude, cos_latitude), (sin_longitude, cos_longitude)) = (angle(0), angle(4));
+    [cos_latitude * cos_longitude, cos_latitude * sin_longitude, sin_latitude]
+}
+
+/// Draws different cities on a spherical Earth, at most all. The priority of each is a uniform number to the power
+/// `priority_power`.
+pub(super) fn city_targets(rng: &mut impl EpisodeRng, count: u32, priority_power: f64) -> Vec<Target> {
+    let mut left: Vec<usize> = (0..CITY_COUNT).collect();
+    (0..(count as usize).min(CITY_COUNT))
+        .map(|drawn| {
+            // Each draw swaps a city that is left to the front (Fisher and Yates).
+            let others = (CITY_COUNT - drawn) as f64;
+            let offset = (rng.uniform(RngStream::Targets) * others) as usize;
+            left.swap(drawn, (drawn + offset).min(CITY_COUNT - 1));
+            let index = left[drawn];
+            Target {
+                name: format!("city-{index}"),
+                position: scale(&city(index), EARTH_RADIUS_M),
+                priority: draw_priority(rng, priority_power),
+            }
+        })
+        .collect()
+}
+
+/// Draws a uniform number to a power.
+fn draw_priority(rng: &mut impl EpisodeRng, power: f64) -> f64 {
+    let uniform = rng.uniform(RngStream::Targets);
+    if power == 1.0 { uniform } else { libm::pow(uniform, power) }
+}
+
 /// Draws targets that are uniform on a spherical Earth. The priority of each is a uniform number to the power `priority_power`.
 pub(super) fn uniform_targets(rng: &mut impl EpisodeRng, count: u32, priority_power: f64) -> Vec<Target> {
     (0..count)
@@ -77,8 +122,7 @@ pub(super) fn uniform_targets(rng: &mut impl EpisodeRng, count: u32, priority_po
                     break scale(&vector, 1.0 / norm(&vector));
                 }
             };
-            let uniform = rng.uniform(RngStream::Targets);
-            let priority = if priority_power == 1.0 { uniform } else { libm::pow(uniform, priority_power) };
+            let priority = draw_priority(rng, priority_power);
             Target { name: format!("tgt-{index}"), position: scale(&direction, EARTH_RADIUS_M), priority }
         })
         .collect()

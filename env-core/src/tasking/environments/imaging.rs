@@ -1,7 +1,8 @@
 //! `tasking/imaging`: an agile satellite images targets, within its power, and knows its next ten opportunities.
 
 use super::draws::{
-    RANDOM_ALTITUDE_M, RANDOM_INCLINATION_DEG, circular_orbit, epoch, tumble, uniform_targets, wheel_speeds,
+    RANDOM_ALTITUDE_M, RANDOM_INCLINATION_DEG, circular_orbit, city_targets, epoch, tumble, uniform_targets,
+    wheel_speeds,
 };
 use super::{MAX_STEP_S, ORBIT_S, WS_PER_WH};
 use crate::episode_rng::{EpisodeRng, RngStream};
@@ -31,6 +32,8 @@ const WHEEL_RPM: f64 = 1500.0;
 pub struct ImagingParams {
     /// Number of targets on the Earth.
     pub targets: u32,
+    /// True if targets are cities, at most 10 000; false if they are uniform on the Earth.
+    pub are_cities: bool,
     /// Power of a uniform number that is a target's priority: the larger, the fewer valuable targets.
     pub priority_power: f64,
     /// Largest commanded rate, rad/s.
@@ -57,6 +60,7 @@ impl Default for ImagingParams {
     fn default() -> Self {
         Self {
             targets: 1250,
+            are_cities: false,
             priority_power: 1.0,
             omega_max_rad_s: 0.087,
             u_max_n_m: 0.4,
@@ -92,7 +96,11 @@ impl ImagingParams {
             gravity: GravityModel::Ggm10,
             full_thrust: false,
             stations: GroundStation::defaults(),
-            targets: uniform_targets(rng, self.targets, self.priority_power),
+            targets: if self.are_cities {
+                city_targets(rng, self.targets, self.priority_power)
+            } else {
+                uniform_targets(rng, self.targets, self.priority_power)
+            },
             rewarders: vec![Rewarder::UniqueImages],
             communicator,
             clock: ClockSetup {

@@ -11,8 +11,8 @@ const SAMPLE_S: f64 = 0.5 * STEP_S;
 const SEARCH_S: f64 = 6000.0;
 /// Largest number of searches.
 const SEARCHES: usize = 3;
-/// Result if there is no eclipse.
-const NO_ECLIPSE: [f64; 2] = [1.0, 1.0];
+/// Result if there is no eclipse, as BSK-RL has it.
+pub const NO_ECLIPSE: [f64; 2] = [1.0, 1.0];
 
 /// Transitions into and out of the Earth's shadow that were found so far.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -51,8 +51,8 @@ impl EclipseForecast {
     /// Start and end of the next eclipse after a time, s; not necessarily of the same one.
     pub fn next(&mut self, now_s: f64, orbit: &mut Orbit, sky: &mut Sky) -> [f64; 2] {
         for search in 0..SEARCHES {
-            // Both lists are in order of time.
-            let next = |times: &[f64]| times.get(times.partition_point(|time| *time <= now_s)).copied();
+            // Searches overlap, so that the lists are not in order.
+            let next = |times: &[f64]| times.iter().copied().find(|time| *time > now_s);
             if let (Some(start), Some(end)) = (next(&self.starts), next(&self.ends)) {
                 return [start, end];
             }

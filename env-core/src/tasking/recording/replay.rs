@@ -73,6 +73,7 @@ fn replay_steps(recording: &Value, sim: &mut TaskingSim, tally: &mut DifferenceT
         let end = number_of(step, "t_end")?;
         tally.compare_numbers("step_end", sim.time_s(), end, 1e-6, format_args!("end of the step"));
         if (sim.time_s() - end).abs() > 1e-6 {
+            tally.add_mismatch(format!("step {} ends at another time: no later step is compared", index + 1));
             return Ok(());
         }
         let comparison = StepComparison {

@@ -209,3 +209,37 @@ fn is_on_at_start(now: u64, step_s: f64, on_time: f64) -> bool {
     let seconds = |tick: u64| (tick as f64 * nanoseconds) * 1e-9;
     on_time > 0.0 && on_time + seconds(now) - seconds(now + 1) >= 0.0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Impulse of a pulse by the first stage of RK4, whose weight is a sixth, N·m·s.
+    fn impulse(step_s: f64, on_times: [f64; THRUSTERS], full_thrust: bool) -> Vector3<f64> {
+        let settings =
+            DesaturationSettings { min_momentum: 0.0, max_counter: 4, min_fire_s: 0.0, full_thrust };
+        let torque = pulse(0, step_s, &on_times, &settings).map_or([0.0; 3], |pulse| pulse.torque);
+        scale(&torque, step_s / 6.0)
+    }
+
+    #[test]
+    fn full_pulses_deliver_force_times_duration() {
+        let on_times: [f64; THRUSTERS] = std::array::from_fn(|i| [0.0, 0.3, 1.0][i % 3]);
+        for step_s in [1.0, 2.0] {
+            let mut wanted = [0.0; 3];
+            for (arm, on_time) in GEOMETRY.arms.iter().zip(on_times) {
+                wanted = add(&wanted, &scale(arm, THRUST_N * on_time));
+            }
+            let error = norm(&add(&impulse(step_s, on_times, true), &scale(&wanted, -1.0)));
+            assert!(error < 1e-12 * norm(&wanted), "{error}");
+        }
+    }
+
+    #[test]
+    fn pulses_of_basilisk_deliver_a_sixth_or_nothing() {
+        let one = |on_time: f64| std::array::from_fn(|i| if i == 2 { on_time } else { 0.0 });
+        let whole = norm(&scale(&GEOMETRY.arms[2], THRUST_N));
+        assert!((norm(&impulse(1.0, one(1.0), false)) - whole / 6.0).abs() < 1e-12);
+        assert_eq!(impulse(1.0, one(0.9), false), [0.0; 3]);
+    }
+}

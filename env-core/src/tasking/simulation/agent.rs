@@ -12,6 +12,9 @@ use crate::tasking::setup::environment::{AgentSetup, GenerationTimes};
 /// Largest number of blocks that one search for opportunities computes.
 const MAX_LOOK_AHEAD: usize = 100;
 
+/// Longest time ahead that is searched for an opportunity: a hundred days, s.
+const MAX_AHEAD_S: f64 = 100.0 * 86_400.0;
+
 /// Key of the last action: an action with the same key does not reset the flight software.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ActionKey {
@@ -172,7 +175,8 @@ impl Agent {
             if found.len() >= count {
                 return Ok(());
             }
-            if self.opportunities.computed_s() >= self.initial_s + times.max_beyond_s {
+            let computed_s = self.opportunities.computed_s();
+            if computed_s >= self.initial_s + times.max_beyond_s || computed_s - now_s > MAX_AHEAD_S {
                 break;
             }
             self.compute_block(times.block_s, sky)?;

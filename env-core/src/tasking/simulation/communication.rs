@@ -127,3 +127,48 @@ fn missing_line_of_sight(
     let below = if distance > EARTH_RADIUS_M { f64::NEG_INFINITY } else { EARTH_RADIUS_M - distance };
     if below == 0.0 { f64::MIN_POSITIVE } else { below.max(beyond) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const POLE: Vector3<f64> = [0.0, 0.0, 1.0];
+
+    /// A position on the equator at a distance from the centre, m, and a longitude, degrees.
+    fn equator(radius: f64, longitude_deg: f64) -> Vector3<f64> {
+        let (sin, cos) = libm::sincos(longitude_deg.to_radians());
+        [radius * cos, radius * sin, 0.0]
+    }
+
+    #[test]
+    fn lines_of_sight_are_those_of_geometry() {
+        for (from, to) in [(7e6, 7e6), (6.9e6, 8e6), (7.2e6, 42e6)] {
+            // The line touches the equator where the angle between the satellites is the sum of two dips.
+            let dip = |radius: f64| libm::acos(EARTH_RADIUS_M / radius).to_degrees();
+            let limit = dip(from) + dip(to);
+            let misses = |angle: f64| {
+                missing_line_of_sight(&equator(from, 20.0), &equator(to, 20.0 + angle), &POLE, -1.0)
+            };
+            assert!(misses(limit - 1e-6) <= 0.0 && misses(limit + 1e-6) > 0.0, "{from} {to}");
+            assert!(misses(180.0) > 6e6, "{from} {to}");
+        }
+    }
+
+    #[test]
+    fn the_earth_is_flatter_at_the_poles() {
+        // A line across the pole at a height is clear if it is above the polar radius.
+        let misses =
+            |height: f64| missing_line_of_sight(&[3e6, 0.0, height], &[-3e6, 0.0, height], &POLE, -1.0);
+        let polar = EARTH_RADIUS_M * POLAR_RATIO;
+        assert!(misses(polar + 1.0) <= 0.0 && misses(polar - 1.0) > 0.0);
+    }
+
+    #[test]
+    fn links_have_a_range() {
+        let apart = norm(&sub(&equator(7e6, 0.0), &equator(7e6, 10.0)));
+        let misses =
+            |range: f64| missing_line_of_sight(&equator(7e6, 0.0), &equator(7e6, 10.0), &POLE, range);
+        assert!(misses(apart + 1.0) <= 0.0);
+        assert!((misses(apart - 100.0) - 100.0).abs() < 1e-3);
+    }
+}

@@ -1,10 +1,10 @@
 //! Events that end a step.
 
 use super::TaskingSim;
-use super::agent::Agent;
 use crate::tasking::clock::TickLength;
 use crate::tasking::error::TaskingError;
 use crate::tasking::setup::actions::UNLIMITED_S;
+use crate::tasking::setup::environment::MAX_TIME_S;
 
 /// Tolerances with which BSK-RL compares the time of a timed event with the close of a window (`numpy.isclose`).
 const CLOSE_ABSOLUTE_S: f64 = 1e-9;
@@ -30,13 +30,14 @@ impl TaskingSim {
         Ok(false)
     }
 
-    /// True if anything can end the step: a limit, or an event or image of a satellite that ends steps.
+    /// True if something ends the step within [`MAX_TIME_S`]: a limit, or the event of a satellite that ends steps. An awaited image
+    /// has such an event, the close of its window.
     fn can_end(&self) -> bool {
-        let has_event = |agent: &Agent| {
-            let event = agent.timed_event.and_then(|event| event.tick);
-            agent.setup.variable_interval && (event.is_some() || agent.satellite.awaited_bits.is_some())
-        };
-        self.step_limit.is_some() || self.time_limit.is_some() || self.agents.iter().any(has_event)
+        let events = self.agents.iter().filter(|agent| agent.setup.variable_interval);
+        let ticks = events.filter_map(|agent| agent.timed_event.and_then(|event| event.tick));
+        let first = ticks.chain(self.step_limit).chain(self.time_limit).min();
+        let tick = self.setup.clock.tick;
+        first.is_some_and(|first| tick.time_s(first) - tick.time_s(self.now) <= MAX_TIME_S)
     }
 
     /// The next tick at which a timed event is due.

@@ -2,6 +2,7 @@
 
 use super::TaskingSim;
 use crate::tasking::access::{Opportunity, OpportunityKind};
+use crate::tasking::observation::eclipse::NO_ECLIPSE;
 use crate::tasking::observation::opportunity::angle_to;
 use crate::tasking::observation::view::Moment;
 use crate::tasking::vector3::{Vector3, rotate};
@@ -19,11 +20,12 @@ impl TaskingSim {
         self.setup.clock.time_limit_s
     }
 
-    /// Times at which the next eclipse begins and the next one ends, s.
-    pub fn next_eclipse(&mut self, index: usize) -> [f64; 2] {
+    /// Times at which the next eclipse begins and the next one ends, s; `None` if there is none within hours.
+    pub fn next_eclipse(&mut self, index: usize) -> Option<[f64; 2]> {
         let now_s = self.time_s();
         let agent = &mut self.agents[index];
-        agent.eclipses.next(now_s, agent.satellite.orbit_mut(), &mut self.sky)
+        let times = agent.eclipses.next(now_s, agent.satellite.orbit_mut(), &mut self.sky);
+        (times != NO_ECLIPSE).then_some(times)
     }
 
     /// The next windows of a kind, at most `count`, without targets that are known to be imaged.

@@ -92,15 +92,7 @@ impl TaskingLane {
 
     /// Writes the result of the last step, and returns true if the episode is over.
     fn write_step(&self, actions: &[f32], out: LaneOutput<'_>) -> bool {
-        let LaneOutput {
-            rewards,
-            team_reward,
-            terminated,
-            truncated,
-            elapsed,
-            needs_action,
-            executed_actions,
-        } = out;
+        let LaneOutput { rewards, team_reward, terminated, truncated, elapsed, executed_actions } = out;
         if !executed_actions.is_empty() {
             executed_actions.copy_from_slice(actions);
         }
@@ -112,9 +104,6 @@ impl TaskingLane {
             rewards[agent] = last.rewards.get(agent).map_or(0.0, |reward| *reward as f32);
             terminated[agent] = is_dead;
             truncated[agent] = !is_dead && self.run.is_truncated();
-        }
-        for (agent, needs) in needs_action.iter_mut().enumerate() {
-            *needs = self.run.needs_action(agent);
         }
         done
     }
@@ -168,6 +157,10 @@ impl BatchLane for TaskingLane {
     fn mark_absent_agents(&self, terminated: &mut [bool]) {
         let present = self.run.sim.len();
         terminated.iter_mut().enumerate().for_each(|(agent, absent)| *absent = agent >= present);
+    }
+
+    fn needs_action(&self, out: &mut [bool]) {
+        out.iter_mut().enumerate().for_each(|(agent, needs)| *needs = self.run.needs_action(agent));
     }
 
     fn observe(&mut self, out: &mut [f32]) {

@@ -146,6 +146,10 @@ impl TaskRun {
         let Ok(result) = result else {
             // Actions are checked before, and the longest duration ends every step; a fault would end the episode.
             self.is_truncated = true;
+            self.last.reward = 0.0;
+            self.last.elapsed_s = 0.0;
+            self.last.rewards.fill(0.0);
+            self.last.deaths.clear();
             return;
         };
         let count = self.sim.len();
@@ -154,7 +158,8 @@ impl TaskRun {
         self.last.reward = 0.0;
         for agent in 0..count {
             self.last.were_alive[agent] = !self.dead[agent];
-            let earned = result.rewards[agent] / self.value_in_view;
+            // A satellite that is dead may still store an image; it earns nothing.
+            let earned = if self.dead[agent] { 0.0 } else { result.rewards[agent] / self.value_in_view };
             self.last.reward += earned;
             self.last.rewards[agent] = earned;
             if !self.dead[agent] && !self.sim.is_alive(agent) {

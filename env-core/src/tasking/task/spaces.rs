@@ -248,6 +248,12 @@ const RETASKING: OptionSpec = OptionSpec {
     description: "idle: actions of satellites that are busy are ignored; any: they replace the current action, as in BSK-RL",
     manual_choices: &[],
 };
+const TARGET_PLACES: OptionSpec = OptionSpec {
+    name: "targets",
+    choices: &["uniform", "cities"],
+    description: "uniform: targets anywhere on the Earth; cities: some of its 10 000 largest cities",
+    manual_choices: &[],
+};
 const COMMUNICATION: OptionSpec = OptionSpec {
     name: "communication",
     choices: &["los", "los_multi", "free", "none"],
@@ -256,10 +262,13 @@ const COMMUNICATION: OptionSpec = OptionSpec {
     manual_choices: &[],
 };
 
-/// Options of the tasks with one satellite.
-pub(super) static SINGLE_OPTIONS: [OptionSpec; 3] = [GRAVITY, THRUSTERS, RETASKING];
+/// Options of the task `tasking/scanning`.
+pub(super) static SCANNING_OPTIONS: [OptionSpec; 3] = [GRAVITY, THRUSTERS, RETASKING];
+/// Options of the task `tasking/imaging`.
+pub(super) static IMAGING_OPTIONS: [OptionSpec; 4] = [GRAVITY, THRUSTERS, RETASKING, TARGET_PLACES];
 /// Options of the task `tasking/constellation`.
-pub(super) static CONSTELLATION_OPTIONS: [OptionSpec; 4] = [GRAVITY, THRUSTERS, RETASKING, COMMUNICATION];
+pub(super) static CONSTELLATION_OPTIONS: [OptionSpec; 5] =
+    [GRAVITY, THRUSTERS, RETASKING, TARGET_PLACES, COMMUNICATION];
 
 const CHARGES_MIN: [f64; 10] = [0.6, 0.5, 0.4, 0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.3];
 const CHARGES_MAX: [f64; 10] = [1.0, 1.0, 1.0, 1.0, 0.9, 0.8, 0.7, 0.6, 0.6, 0.5];

@@ -44,7 +44,7 @@ impl TaskSetup {
             return Err(ScenarioError::OutOfRange {
                 field: "params.charge_min".to_owned(),
                 value: low,
-                min: 0.0,
+                min: 0.01,
                 max: high,
             });
         }
@@ -122,6 +122,7 @@ impl Params<'_> {
     fn imaging(&self) -> ImagingParams {
         ImagingParams {
             targets: self.whole("targets"),
+            are_cities: self.0.option("targets") == Some("cities"),
             priority_power: self.get("priority_power"),
             omega_max_rad_s: self.get("omega_max_rad_s"),
             u_max_n_m: self.get("u_max_n_m"),

@@ -57,7 +57,7 @@ pub struct TaskedSatelliteTelemetry {
     pub instrument_error_deg: f64,
     /// Angle between the panel's normal and the Sun, degrees.
     pub sun_error_deg: f64,
-    /// Time until the next eclipse begins, s.
+    /// Time until the next eclipse begins, s; the end of the episode if there is none.
     pub eclipse_start_s: f64,
     /// Time until the next end of an eclipse, s.
     pub eclipse_end_s: f64,
@@ -124,8 +124,8 @@ impl TaskRun {
             property.write(&view, &mut values);
         }
         let value = |at: usize| values.get(at).copied().unwrap_or_default();
-        let eclipse = self.sim.next_eclipse(index);
         let now = self.sim.time_s();
+        let eclipse = self.sim.next_eclipse(index).unwrap_or([self.sim.time_limit_s(); 2]);
         let stations = self.sim.next_windows(index, OpportunityKind::GroundStation, 1);
         let targets = if self.sim.targets().is_empty() {
             Vec::new()

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::TASKING_TASKS;
+use super::task_setup::TaskSetup;
 use crate::batch::{
     Autoreset, Batch, BatchBuffers, BatchConfig, BatchError, BatchOutput, ObservationMode, SeedSequence,
 };
@@ -13,6 +14,8 @@ use crate::rollout::{replay, roll_out};
 use crate::seed::Seed;
 use crate::space::ActionSpace;
 use crate::task::{Recipe, Scenario, StepReport, TaskSpec};
+use crate::tasking::constants::EARTH_RADIUS_M;
+use crate::tasking::vector3::norm;
 
 /// A recipe of a task at a level, of a short episode.
 fn recipe(task: &'static dyn TaskSpec, level: usize) -> Arc<Recipe> {
@@ -77,7 +80,7 @@ fn a_batch_has_the_bits_of_single_episodes() {
                         assert_eq!(buffers.rewards[at].to_bits(), (agent.reward as f32).to_bits());
                         assert_eq!(
                             (buffers.terminated[at], buffers.truncated[at], buffers.needs_action[at]),
-                            (agent.terminated, agent.truncated, agent.needs_action)
+                            (agent.terminated, agent.truncated, agent.needs_action || report.done)
                         );
                     }
                     if report.done {
@@ -167,6 +170,19 @@ fn policies_fly_and_their_logs_replay() {
         }
         assert!(task.policy("none", &scenario(task, 0, 0), 0).is_err());
     }
+}
+
+#[test]
+fn targets_can_be_cities() {
+    let task: &'static dyn TaskSpec = &TASKING_TASKS[1];
+    let recipe = Recipe::clone(&recipe(task, 1)).with_option("targets", "cities").unwrap();
+    let setup = TaskSetup::read(&recipe).unwrap().draw(&mut SeededRng::new(Seed::user(1).unwrap()));
+    let names: std::collections::HashSet<_> = setup.targets.iter().map(|target| &target.name).collect();
+    assert_eq!((setup.targets.len(), names.len()), (300, 300));
+    // More people live in the north: uniform targets would be north of the equator half of the time.
+    let north = setup.targets.iter().filter(|target| target.position[2] > 0.0).count();
+    assert!(north > 200, "{north}");
+    assert!(setup.targets.iter().all(|target| (norm(&target.position) - EARTH_RADIUS_M).abs() < 1e-6));
 }
 
 #[test]

@@ -8,6 +8,7 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{Html, IntoResponse, Response};
 use env_core::ActionLog;
 use env_core::log::Precision;
+use env_core::space::ActionKind;
 use serde_json::{Map, Value};
 
 use super::super::access::Caller;
@@ -27,8 +28,9 @@ const PAGE: &str = include_str!("page.html");
 static PAGE_WITH_TASKS: LazyLock<String> = LazyLock::new(|| {
     // Each option has an example action in its world's format.
     let option = |task: &'static dyn env_core::TaskSpec| {
-        let mut log = ActionLog::new(task.action_space().dim(), Precision::F64);
-        log.push_entry(0, &[0.1]);
+        let space = task.action_space();
+        let mut log = ActionLog::new(space.dim(), Precision::F64);
+        log.push_entry(0, &[if space.kind == ActionKind::Box { 0.1 } else { 0.0 }]);
         log.end_step();
         let action = openenv_wire::wire_format(task).write_action(log.step(0)).replace('"', "&quot;");
         format!("<option data-action=\"{action}\">{}</option>", task.id())
