@@ -38,7 +38,7 @@ pub trait BatchLane: Send + Sized {
         terminated.fill(false);
     }
 
-    /// Writes which agents of the batch need a new action; none if the episode is over. `out` is empty if nobody asks.
+    /// Writes which agents of the batch need a new action; none if the episode is over. `out` may be empty.
     fn needs_action(&self, out: &mut [bool]);
 
     /// Writes the current observation.
