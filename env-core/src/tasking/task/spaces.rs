@@ -257,8 +257,8 @@ const TARGET_PLACES: OptionSpec = OptionSpec {
 const COMMUNICATION: OptionSpec = OptionSpec {
     name: "communication",
     choices: &["los", "los_multi", "free", "none"],
-    description: "who shares which targets are imaged at the end of a step; los: satellites that saw each other in it; los_multi: \
-                  along paths of such links; free: all; none: nobody",
+    description: "at the end of a step, satellites tell each other which targets are imaged; los: those that saw each other in the step \
+                  do; los_multi: those that a path of such links connects do; free: all satellites do; none: no satellite does",
     manual_choices: &[],
 };
 
