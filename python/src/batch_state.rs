@@ -102,8 +102,7 @@ impl BatchState {
                 let agents = env * shape.agents..(env + 1) * shape.agents;
                 let absent = &mut self.buffers.terminated[agents.clone()];
                 self.batch.mark_absent_agents(env, absent);
-                let needs_action = &mut self.buffers.needs_action[agents.clone()];
-                needs_action.iter_mut().zip(absent).for_each(|(needs, left)| *needs = !*left);
+                self.batch.write_needs_action(env, &mut self.buffers.needs_action[agents.clone()]);
                 self.buffers.elapsed[env] = 0.0;
                 self.buffers.truncated[agents.clone()].fill(false);
                 self.buffers.rewards[agents].fill(0.0);

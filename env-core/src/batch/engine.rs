@@ -204,6 +204,13 @@ impl<L: BatchLane> Batch for BatchEngine<L> {
         }
     }
 
+    fn write_needs_action(&self, env: usize, needs_action: &mut [bool]) {
+        match self.slots.get(env) {
+            Some(slot) => slot.sequence.needs_action(&slot.lane, needs_action),
+            None => needs_action.fill(false),
+        }
+    }
+
     fn is_idle(&self, env: usize) -> bool {
         self.slots.get(env).is_some_and(|slot| slot.sequence.idle)
     }

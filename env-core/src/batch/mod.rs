@@ -81,6 +81,9 @@ pub trait Batch: Send {
     /// Marks the agents that are absent from an environment's new episode as terminated; all of them if it is idle.
     fn mark_absent_agents(&self, env: usize, terminated: &mut [bool]);
 
+    /// Writes which agents of an environment need an action: in a new episode all of them.
+    fn write_needs_action(&self, env: usize, needs_action: &mut [bool]);
+
     /// True if an environment is idle, since its source has no scenario for it.
     fn is_idle(&self, env: usize) -> bool;
 
@@ -148,6 +151,35 @@ impl BatchConfig {
     #[must_use]
     pub const fn new(envs: usize, autoreset: Autoreset, observe: ObservationMode) -> Self {
         Self { envs, autoreset, observe, axes: Axes::World, mixed_tasks: false, single_threaded: false }
+    }
+}
+
+/// Errors of a world whose agents have no tracks and no axes of their own, and whose tasks have different agents or actions.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PlainWorldErrors {
+    /// Error of an observation mode other than `all`, or of room for bodies.
+    pub(crate) observe: &'static str,
+    /// Error of the agents' own axes.
+    pub(crate) axes: &'static str,
+    /// Error of a batch that mixes tasks.
+    pub(crate) mixed_tasks: &'static str,
+}
+
+impl BatchConfig {
+    /// Checks the settings for a world that has neither tracks nor axes of the agents, nor batches of several tasks.
+    ///
+    /// # Errors
+    /// Returns [`BatchError::Unsupported`] with the error of the first setting that the world does not have.
+    pub(crate) fn check_plain(&self, errors: &PlainWorldErrors) -> Result<(), BatchError> {
+        let refused = [
+            (self.observe != ObservationMode::All { bodies: None }, errors.observe),
+            (self.axes != Axes::World, errors.axes),
+            (self.mixed_tasks, errors.mixed_tasks),
+        ];
+        match refused.into_iter().find(|(is_refused, _)| *is_refused) {
+            Some((_, error)) => Err(BatchError::Unsupported(error)),
+            None => Ok(()),
+        }
     }
 }
 

@@ -102,7 +102,7 @@ impl EpisodeSequence {
     }
 
     /// Writes which agents need an action; none if the slot is idle.
-    fn needs_action(&self, lane: &impl BatchLane, out: &mut [bool]) {
+    pub(super) fn needs_action(&self, lane: &impl BatchLane, out: &mut [bool]) {
         if self.idle { out.fill(false) } else { lane.needs_action(out) }
     }
 

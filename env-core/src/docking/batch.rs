@@ -8,18 +8,24 @@ use super::constants::{MAX_DEPUTIES, OBSERVATION_DIM, STATE_DIM, STEP_S};
 use super::setup::{DeputyStarts, DockingSetup};
 use super::simulation::DockingSim;
 use crate::batch::{
-    Batch, BatchConfig, BatchEngine, BatchError, BatchLane, BatchShape, LaneOutput, ObservationMode,
-    ObservationPart, ScenarioSource, check_task,
+    Batch, BatchConfig, BatchEngine, BatchError, BatchLane, BatchShape, LaneOutput, ObservationPart,
+    PlainWorldErrors, ScenarioSource, check_task,
 };
 use crate::episode_rng::SeededRng;
 use crate::error::ScenarioError;
 use crate::scene::Scene;
 use crate::seed::{Seed, SeedSpace};
-use crate::space::Axes;
 use crate::task::{Recipe, Scenario, TaskSpec};
 
 /// Number of values of one deputy's action.
 const ACTION_DIM: usize = 3;
+
+/// Errors of settings that the world does not have.
+const UNSUPPORTED: PlainWorldErrors = PlainWorldErrors {
+    observe: "docking supports only the observation mode `all`, without bodies: a deputy observes only itself",
+    axes: "docking supports only actions along the world's axes: a deputy has no axes of its own",
+    mixed_tasks: "docking supports only batches of one task: its tasks differ in their number of agents",
+};
 
 /// Creates a batch of a task's episodes. It has room for the deputies of the source's single recipe, or else for the
 /// largest number that the task allows. A deputy that a scenario lacks counts as terminated from its start.
@@ -28,21 +34,7 @@ pub(super) fn create_batch(
     source: Box<dyn ScenarioSource>,
     config: BatchConfig,
 ) -> Result<Box<dyn Batch>, BatchError> {
-    if config.observe != (ObservationMode::All { bodies: None }) {
-        return Err(BatchError::Unsupported(
-            "docking supports only the observation mode `all`, without bodies: a deputy observes only itself",
-        ));
-    }
-    if config.axes != Axes::World {
-        return Err(BatchError::Unsupported(
-            "docking supports only actions along the world's axes: a deputy has no axes of its own",
-        ));
-    }
-    if config.mixed_tasks {
-        return Err(BatchError::Unsupported(
-            "docking supports only batches of one task: its tasks differ in their number of agents",
-        ));
-    }
+    config.check_plain(&UNSUPPORTED)?;
     let (id, space) = (task.id(), task.params());
     let first = source.scenario(0, 0);
     let setup = read_setup(id, first.recipe()).map_err(|source| BatchError::Scenario { env: 0, source })?;

@@ -8,14 +8,21 @@ use super::run::TaskRun;
 use super::task_setup::{MAX_SATELLITES, TaskSetup};
 use crate::batch::{
     Batch, BatchConfig, BatchEngine, BatchError, BatchLane, BatchShape, LaneOutput, LaneStep,
-    ObservationMode, ObservationPart, ScenarioSource, check_task,
+    ObservationPart, PlainWorldErrors, ScenarioSource, check_task,
 };
 use crate::error::ScenarioError;
 use crate::scene::Scene;
-use crate::space::{ActionSpace, Axes};
+use crate::space::ActionSpace;
 use crate::task::{Recipe, Scenario, TaskSpec};
 use crate::tasking::simulation::{AgentAction, step_all};
 use crate::tasking::tick::dispatch::InstructionSet;
+
+/// Errors of settings that the world does not have.
+const UNSUPPORTED: PlainWorldErrors = PlainWorldErrors {
+    observe: "tasking supports only the observation mode `all`, without bodies: a satellite observes itself and its opportunities",
+    axes: "tasking supports only actions along the world's axes: its actions are indices",
+    mixed_tasks: "tasking supports only batches of one task: its tasks differ in their actions",
+};
 
 /// Creates a batch of a task's episodes. It has room for the satellites of the source's single recipe, or else for the largest number
 /// of the task. A satellite that a scenario lacks counts as terminated from its start.
@@ -24,21 +31,7 @@ pub(super) fn create_batch(
     source: Box<dyn ScenarioSource>,
     config: BatchConfig,
 ) -> Result<Box<dyn Batch>, BatchError> {
-    if config.observe != (ObservationMode::All { bodies: None }) {
-        return Err(BatchError::Unsupported(
-            "tasking supports only the observation mode `all`, without bodies: a satellite observes itself and its opportunities",
-        ));
-    }
-    if config.axes != Axes::World {
-        return Err(BatchError::Unsupported(
-            "tasking supports only actions along the world's axes: its actions are indices",
-        ));
-    }
-    if config.mixed_tasks {
-        return Err(BatchError::Unsupported(
-            "tasking supports only batches of one task: its tasks differ in their actions",
-        ));
-    }
+    config.check_plain(&UNSUPPORTED)?;
     let first = source.scenario(0, 0);
     let refused = |source| BatchError::Scenario { env: 0, source };
     let setup = read_setup(task.id(), first.recipe()).map_err(refused)?;

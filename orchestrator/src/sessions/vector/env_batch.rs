@@ -144,7 +144,7 @@ impl EnvBatch {
             if mask.is_none_or(|mask| mask[env]) {
                 self.batch.mark_absent_agents(env, terminated);
                 let needs_action = &mut self.needs_action[env * agents..(env + 1) * agents];
-                needs_action.iter_mut().zip(terminated).for_each(|(needs, left)| *needs = !*left);
+                self.batch.write_needs_action(env, needs_action);
             }
         }
         if let Some(assigner) = &mut self.assigner {
