@@ -38,6 +38,9 @@ fn batch(recipe: &Arc<Recipe>, envs: usize) -> (Box<dyn Batch>, BatchBuffers) {
     let mut batch = recipe.task().batch(Box::new(SeedSequence::new(Arc::clone(recipe), 5)), config).unwrap();
     let mut buffers = BatchBuffers::new(batch.shape(), Autoreset::SameStep);
     batch.reset(None, &mut buffers.observations).unwrap();
+    let mut needs_action = vec![false; batch.shape().agents];
+    batch.write_needs_action(0, &mut needs_action);
+    assert!(needs_action.iter().all(|needs| *needs), "all agents need an action after a reset");
     (batch, buffers)
 }
 
