@@ -1,6 +1,6 @@
 //! Environment steps a second on one thread, for each benchmark of the worlds.
 
-use env_core::RecordedWorld;
+use env_core::World;
 
 use crate::Row;
 
@@ -19,5 +19,5 @@ pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
             ratio: measured.times_python_env.map(|times| times / GOAL),
         })
     };
-    env_core::recorded_worlds().flat_map(RecordedWorld::benchmarks).map(row).collect()
+    env_core::worlds().flat_map(World::benchmarks).map(row).collect()
 }

@@ -189,12 +189,12 @@ mod tests {
             ["contact", "=", "contact=", "contact=hard", "drag=on", "docking:contact=swept", "golf:a=b"];
         insta::assert_snapshot!(refused.map(|text| parse(text).unwrap_err()).join("\n"), @r#"
         an option must be NAME=CHOICE, such as contact=swept, or TASK:NAME=CHOICE or WORLD:NAME=CHOICE
-        there is no option ""; known are start, compat, contact, gravity, risk, warnings
+        there is no option ""; known are start, compat, contact, gravity, risk, warnings, thrusters, retasking, targets, communication
         contact is ""; choose one of end_of_step, swept
         contact is "hard"; choose one of end_of_step, swept
-        there is no option "drag"; known are start, compat, contact, gravity, risk, warnings
+        there is no option "drag"; known are start, compat, contact, gravity, risk, warnings, thrusters, retasking, targets, communication
         docking has no options
-        "golf" is neither a task nor a world (kessler, docking)
+        "golf" is neither a task nor a world (kessler, docking, tasking)
         "#);
     }
 

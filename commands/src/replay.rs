@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, anyhow, bail, ensure};
-use env_core::RecordedWorld;
+use env_core::World;
 use env_core::world::{FirstDifference, RecordingComparison, WorstDifference};
 use serde::Serialize;
 use serde_json::Value;
@@ -172,14 +172,14 @@ fn compare_recording(recording: &Value, path: &Path, tolerance: f64) -> anyhow::
     let none = |value: &Value| value.as_array().is_some_and(Vec::is_empty);
     ensure!(!recording.get("episodes").is_some_and(none), "it holds no episodes");
     let file = path.display().to_string();
-    for world in env_core::recorded_worlds() {
+    for world in env_core::worlds() {
         if let Some(compared) = world.compare_recording(recording, tolerance) {
             let compared = compared?;
             ensure!(compared.episodes > 0, "it holds no episodes");
             return Ok(FileComparison { file, world: world.name(), compared });
         }
     }
-    let names: Vec<_> = env_core::recorded_worlds().map(RecordedWorld::name).collect();
+    let names: Vec<_> = env_core::worlds().map(World::name).collect();
     bail!("it is not a recording of a world known here ({})", names.join(", "))
 }
 

@@ -80,6 +80,7 @@ pub fn frames(
 ) -> Result<Vec<Value>, FramesError> {
     let FrameRange { first, last, max_bytes } = range;
     let mut episode = scenario.task().start(scenario)?;
+    episode.record_motion();
     let mut report = StepReport::default();
     let mut bytes = 0;
     let mut frames = Vec::new();

@@ -1,28 +1,21 @@
 //! The list of all worlds and their tasks. It is above the worlds; nothing below it depends on it.
 
 use crate::task::TaskSpec;
-use crate::world::{BenchSpec, RecordedWorld, World};
+use crate::world::{BenchSpec, World};
 use crate::{docking, kessler, tasking};
 
-static WORLDS: [&dyn World; 2] = [&kessler::KESSLER, &docking::DOCKING];
-
-static RECORDED_WORLDS: [&dyn RecordedWorld; 3] = [&kessler::KESSLER, &docking::DOCKING, &tasking::TASKING];
+static WORLDS: [&dyn World; 3] = [&kessler::KESSLER, &docking::DOCKING, &tasking::TASKING];
 
 /// Iterates over all worlds.
 pub fn worlds() -> impl Iterator<Item = &'static dyn World> {
     WORLDS.into_iter()
 }
 
-/// Iterates over all worlds with recordings of their public original.
-pub fn recorded_worlds() -> impl Iterator<Item = &'static dyn RecordedWorld> {
-    RECORDED_WORLDS.into_iter()
-}
-
 /// Finds a benchmark by the id of its task, or the first one of a world by the world's name.
 #[must_use]
 pub fn benchmark(name: &str) -> Option<BenchSpec> {
-    let all = || recorded_worlds().flat_map(RecordedWorld::benchmarks);
-    let of_world = || recorded_worlds().find(|world| world.name() == name)?.benchmarks().first().copied();
+    let all = || worlds().flat_map(World::benchmarks);
+    let of_world = || worlds().find(|world| world.name() == name)?.benchmarks().first().copied();
     all().find(|spec| spec.task.id() == name).or_else(of_world)
 }
 

@@ -1,11 +1,11 @@
-//! The interface of a world beyond its tasks: recordings of public originals, and benchmarks.
+//! The interface of a world: its tasks, recordings of its public original, and benchmarks.
 
 use serde_json::Value;
 
 use crate::task::TaskSpec;
 
-/// A world whose public original recorded episodes.
-pub trait RecordedWorld: Send + Sync {
+/// A world: tasks that share one simulation.
+pub trait World: Send + Sync {
     /// Id of the world with its version, such as `kessler@1`.
     fn id(&self) -> &'static str;
 
@@ -13,6 +13,9 @@ pub trait RecordedWorld: Send + Sync {
     fn name(&self) -> &'static str {
         self.id().split('@').next().unwrap_or_default()
     }
+
+    /// Tasks of the world.
+    fn tasks(&self) -> Vec<&'static dyn TaskSpec>;
 
     /// Replays a file of recorded episodes, and compares all values. Returns `None` if the file is not a recording of this world.
     /// `tolerance` is the largest difference of a number that is accepted, unless the world defines a larger one for its quantity.
@@ -24,12 +27,6 @@ pub trait RecordedWorld: Send + Sync {
 
     /// Benchmarks of this world; the first one is used if none is named.
     fn benchmarks(&self) -> Vec<BenchSpec>;
-}
-
-/// A world: tasks that share one simulation.
-pub trait World: RecordedWorld {
-    /// Tasks of the world.
-    fn tasks(&self) -> Vec<&'static dyn TaskSpec>;
 }
 
 /// Task and actions of a benchmark.

@@ -1,6 +1,8 @@
 //! How a world spells its actions in JSON.
 
-/// Field names and bounds of a world's actions: `{"<list>": [{"<agent>": 0, "<value>": 0.0, …}, …], "metadata": {…}}`.
+use crate::value_kind::ValueKind;
+
+/// Field names and values of a world's actions: `{"<list>": [{"<agent>": 0, "<value>": 0.0, …}, …], "metadata": {…}}`.
 #[derive(Debug)]
 pub(crate) struct ActionFormat<const DIM: usize> {
     /// Name of the field with the list of entries.
@@ -13,6 +15,6 @@ pub(crate) struct ActionFormat<const DIM: usize> {
     pub(crate) value_fields: [&'static str; DIM],
     /// Largest number of agents; entries of agents from this number on are dropped.
     pub(crate) max_agents: u32,
-    /// Largest magnitude of a value; larger ones are clamped.
-    pub(crate) bound: f64,
+    /// Kind of the values.
+    pub(crate) values: ValueKind,
 }

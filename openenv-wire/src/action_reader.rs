@@ -4,9 +4,10 @@ use env_core::log::{ActionLog, MAX_ENTRIES, Precision};
 use serde_json::{Map, Value, json};
 
 use crate::action_format::ActionFormat;
-use crate::number::{NumberError, parse_integer, parse_number, parse_single};
+use crate::number::parse_integer;
 use crate::python_json::parse_python_json;
 use crate::validation_error::{ErrorCollector, LocSegment, ValidationError};
+use crate::value_kind::ValueError;
 
 /// Largest length of a list that is sent as a string, in bytes: room for [`MAX_ENTRIES`] generously spaced entries.
 pub const MAX_TEXT_BYTES: usize = 1 << 16;
@@ -17,13 +18,9 @@ const DICT_EXPECTED: &str = "Input should be a valid dictionary";
 impl<const DIM: usize> ActionFormat<DIM> {
     /// Reads one action; see [`WireFormat::read_action`](crate::WireFormat::read_action).
     pub(crate) fn read(&self, action: &Value, log: &mut ActionLog) -> Result<(), Vec<ValidationError>> {
-        let parse_value = match log.precision() {
-            Precision::F64 => parse_number,
-            Precision::F32 => parse_single,
-        };
         let mut reader = ActionReader {
             format: self,
-            parse_value,
+            precision: log.precision(),
             entries: Vec::new(),
             errors: ErrorCollector::default(),
         };
@@ -40,7 +37,7 @@ impl<const DIM: usize> ActionFormat<DIM> {
 /// State while one action is read.
 struct ActionReader<'a, const DIM: usize> {
     format: &'a ActionFormat<DIM>,
-    parse_value: fn(&Value) -> Result<f64, NumberError>,
+    precision: Precision,
     entries: Vec<ActionEntry<DIM>>,
     errors: ErrorCollector,
 }
@@ -133,8 +130,13 @@ impl<const DIM: usize> ActionReader<'_, DIM> {
 
     /// Reads one entry; unknown fields of it are ignored.
     fn read_entry(&mut self, entry: JsonEntry<'_>) {
-        let agent = self.read_field(entry, self.format.agent_field, parse_integer);
-        let values = self.format.value_fields.map(|name| self.read_field(entry, name, self.parse_value));
+        let agent = self
+            .read_field(entry, self.format.agent_field, |value| Ok::<_, ValueError>(parse_integer(value)?));
+        let (kind, precision) = (self.format.values, self.precision);
+        let values = self
+            .format
+            .value_fields
+            .map(|name| self.read_field(entry, name, |value| kind.parse(value, precision)));
         let agent = agent.and_then(|agent| u32::try_from(agent).ok());
         if let Some(agent) = agent.filter(|&agent| agent < self.format.max_agents) {
             // A missing value is an error, which discards all entries.
@@ -146,7 +148,7 @@ impl<const DIM: usize> ActionReader<'_, DIM> {
         &mut self,
         entry: JsonEntry<'_>,
         name: &str,
-        parse: fn(&Value) -> Result<T, NumberError>,
+        parse: impl Fn(&Value) -> Result<T, ValueError>,
     ) -> Option<T> {
         let loc =
             || -> Vec<LocSegment> { vec![self.format.list_field.into(), entry.index.into(), name.into()] };
@@ -154,6 +156,10 @@ impl<const DIM: usize> ActionReader<'_, DIM> {
             self.errors.add("missing", loc(), "Field required", entry.item);
             return None;
         };
-        parse(value).map_err(|error| self.errors.add(error.kind, loc(), error.msg, value)).ok()
+        parse(value)
+            .map_err(|ValueError { kind, msg, ctx }| {
+                self.errors.push(kind, loc(), msg.into_owned(), value, ctx);
+            })
+            .ok()
     }
 }

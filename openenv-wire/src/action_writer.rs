@@ -19,13 +19,9 @@ impl<const DIM: usize> ActionFormat<DIM> {
             "type": "integer", "minimum": 0, "maximum": self.max_agents.saturating_sub(1),
             "description": entry[self.agent_field]["description"],
         });
-        let values = self.value_fields.map(|name| {
-            let description = &entry[name]["description"];
-            let schema = json!({
-                "type": "number", "minimum": -self.bound, "maximum": self.bound, "description": description,
-            });
-            (name.to_owned(), schema)
-        });
+        let values = self
+            .value_fields
+            .map(|name| (name.to_owned(), self.values.strict_schema(&entry[name]["description"])));
         let fields: Vec<&str> = std::iter::once(self.agent_field).chain(self.value_fields).collect();
         let properties: Map<_, _> =
             std::iter::once((self.agent_field.to_owned(), agent)).chain(values).collect();
@@ -71,7 +67,7 @@ impl<const DIM: usize> Serialize for EntryJson<'_, DIM> {
         let mut fields = serializer.serialize_map(Some(DIM + 1))?;
         fields.serialize_entry(self.format.agent_field, &self.agent)?;
         for (name, value) in self.format.value_fields.iter().zip(self.values) {
-            fields.serialize_entry(name, &value.clamp(-self.format.bound, self.format.bound))?;
+            fields.serialize_entry(name, &self.format.values.to_json(*value))?;
         }
         fields.end()
     }

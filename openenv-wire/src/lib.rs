@@ -13,6 +13,7 @@
 
 mod action_format;
 mod action_reader;
+mod action_tool;
 mod action_writer;
 mod docking;
 mod kessler;
@@ -20,12 +21,15 @@ mod number;
 mod python_json;
 mod registry;
 mod schema;
+mod tasking;
 #[cfg(test)]
 mod tests;
 mod validation_error;
+mod value_kind;
 mod wire_format;
 
 pub use self::action_reader::MAX_TEXT_BYTES;
+pub use self::action_tool::ActionTool;
 pub use self::number::{NumberError, parse_integer, parse_number};
 pub use self::python_json::{INPUT_LIMITS, parse_python_json};
 pub use self::registry::wire_format;

@@ -3,11 +3,17 @@
 use env_core::TaskSpec;
 
 use crate::wire_format::WireFormat;
-use crate::{docking, kessler};
+use crate::{docking, kessler, tasking};
 
-/// The format of each world, by the world's id.
-static FORMATS: [(&str, &dyn WireFormat); 2] =
-    [(env_core::kessler::WORLD_ID, &kessler::FORMAT), (env_core::docking::WORLD_ID, &docking::FORMAT)];
+/// Selects the format of a world's task.
+type SelectFormat = fn(&dyn TaskSpec) -> &'static dyn WireFormat;
+
+/// The formats of each world, by the world's id.
+static FORMATS: [(&str, SelectFormat); 3] = [
+    (env_core::kessler::WORLD_ID, |_| &kessler::FORMAT),
+    (env_core::docking::WORLD_ID, |_| &docking::FORMAT),
+    (env_core::tasking::WORLD_ID, tasking::format),
+];
 
 /// The OpenEnv representation of a task.
 ///
@@ -16,7 +22,7 @@ static FORMATS: [(&str, &dyn WireFormat); 2] =
 #[must_use]
 pub fn wire_format(task: &dyn TaskSpec) -> &'static dyn WireFormat {
     let listed = FORMATS.iter().find(|(world, _)| *world == task.world());
-    listed.map(|(_, format)| *format).expect("every world of env-core has a wire format")
+    listed.map(|(_, select)| select(task)).expect("every world of env-core has a wire format")
 }
 
 #[cfg(test)]

@@ -102,7 +102,8 @@ impl ErrorCollector {
         if self.0.is_empty() { Ok(()) } else { Err(self.0) }
     }
 
-    fn push(
+    /// Adds an error, with pydantic's context if there is one, unless the limit is reached.
+    pub(crate) fn push(
         &mut self,
         kind: &'static str,
         loc: Vec<LocSegment>,

@@ -3,9 +3,10 @@
 use std::sync::{LazyLock, OnceLock};
 
 use env_core::{ActionLog, JointAction};
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 use crate::action_format::ActionFormat;
+use crate::action_tool::{ActionTool, ToolFormat};
 use crate::validation_error::ValidationError;
 
 /// OpenEnv representation of a task: how actions are read and written, and the JSON Schemas of actions and observations.
@@ -30,14 +31,25 @@ pub trait WireFormat: Send + Sync {
 
     /// Writes a step as a JSON action: values in the order of the action space, clamped as the environment clamps them.
     fn write_action(&self, step: JointAction<'_>) -> String;
+
+    /// Tools of the Model Context Protocol that execute an action.
+    fn tools(&'static self) -> &'static [ActionTool];
+
+    /// Converts a call of a tool into an action, which [`read_action`](Self::read_action) checks.
+    ///
+    /// # Errors
+    /// Returns the argument and what is wrong with it, if it cannot become part of an action.
+    fn tool_action(&self, tool: &ActionTool, arguments: Map<String, Value>) -> Result<Value, String>;
 }
 
-/// The format of all tasks of one world, whose actions have `DIM` values each.
+/// The format of a world's tasks, whose actions have `DIM` values each.
 pub(crate) struct WorldFormat<const DIM: usize> {
     actions: ActionFormat<DIM>,
     action_schema: LazyLock<Value>,
     observation_schema: LazyLock<Value>,
     strict_schema: OnceLock<Value>,
+    tool_format: ToolFormat,
+    tools: OnceLock<Vec<ActionTool>>,
 }
 
 impl<const DIM: usize> WorldFormat<DIM> {
@@ -45,12 +57,15 @@ impl<const DIM: usize> WorldFormat<DIM> {
         actions: ActionFormat<DIM>,
         action_schema: fn() -> Value,
         observation_schema: fn() -> Value,
+        tool_format: ToolFormat,
     ) -> Self {
         Self {
             actions,
             action_schema: LazyLock::new(action_schema),
             observation_schema: LazyLock::new(observation_schema),
             strict_schema: OnceLock::new(),
+            tool_format,
+            tools: OnceLock::new(),
         }
     }
 }
@@ -74,5 +89,13 @@ impl<const DIM: usize> WireFormat for WorldFormat<DIM> {
 
     fn write_action(&self, step: JointAction<'_>) -> String {
         self.actions.write(step)
+    }
+
+    fn tools(&'static self) -> &'static [ActionTool] {
+        self.tools.get_or_init(|| (self.tool_format.tools)(&self.action_schema))
+    }
+
+    fn tool_action(&self, tool: &ActionTool, arguments: Map<String, Value>) -> Result<Value, String> {
+        (self.tool_format.to_action)(tool, arguments)
     }
 }

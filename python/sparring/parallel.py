@@ -73,7 +73,7 @@ class ParallelEnvironment(ParallelEnv):
     ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """Begins an episode, as `sparring.Environment.reset`; ignores unknown options.
 
-        Only agents that the scenario has take part.
+        Only agents that the scenario has take part. Each info has `d_ts`, 0, and `requires_retasking`.
 
         Raises:
             ValueError: The seed, a scenario or an option is invalid.
@@ -87,16 +87,18 @@ class ParallelEnvironment(ParallelEnv):
         if self.render_mode == "human":
             self.render()
         rows = self._agent_rows(observation)
-        return {agent: rows[agent] for agent in self.agents}, {agent: dict(info) for agent in self.agents}
+        times = self._step_times()
+        return {agent: rows[agent] for agent in self.agents}, {agent: {**info, **times[agent]} for agent in self.agents}
 
     def step(
         self, actions: Mapping[str, Any]
     ) -> tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
-        """Runs one step; agents without an action hold.
+        """Runs one step; agents without an action, and those whose action is None, hold.
 
         Returns:
-            Observations, rewards, terminations, truncations and infos by agent. Each info has the episode's `score` so far
-            and `alerts`, messages about the step. All are empty after the end of an episode if there are no actions, as wrappers
+            Observations, rewards, terminations, truncations and infos by agent. Each info has the episode's `score` so far,
+            `alerts`, messages about the step, `d_ts`, its duration in s, and `requires_retasking`, true if the agent needs an
+            action. All are empty after the end of an episode if there are no actions, as wrappers
             such as SuperSuit's `black_death_v3` expect.
 
         Raises:
@@ -114,7 +116,7 @@ class ParallelEnvironment(ParallelEnv):
         numbers = [self.possible_agents.index(agent) for agent in agents]
         terminations = {agent: bool(terminated[0, n]) for agent, n in zip(agents, numbers, strict=True)}
         truncations = {agent: bool(truncated[0, n]) for agent, n in zip(agents, numbers, strict=True)}
-        score, alerts = self._batch.score, self._native.alerts(0)
+        score, alerts, times = self._batch.score, self._native.alerts(0), self._step_times()
         self.agents = [agent for agent in agents if not (terminations[agent] or truncations[agent] or ended)]
         if self.render_mode == "human":
             self.render()
@@ -123,16 +125,22 @@ class ParallelEnvironment(ParallelEnv):
             {agent: float(rewards[0, n]) for agent, n in zip(agents, numbers, strict=True)},
             terminations,
             truncations,
-            {agent: {"score": score, "alerts": alerts} for agent in agents},
+            {agent: {"score": score, "alerts": alerts, **times[agent]} for agent in agents},
         )
 
+    def _step_times(self) -> dict[str, dict[str, Any]]:
+        times = self._batch.times()
+        needs = zip(self.possible_agents, times["requires_retasking"], strict=True)
+        return {agent: {"d_ts": times["d_ts"], "requires_retasking": bool(flag)} for agent, flag in needs}
+
     def _joint_action(self, actions: Mapping[str, Any]) -> npt.NDArray[Any]:
-        discrete = self._settings.actions == "discrete"
-        shape = () if discrete else (self._layout.action_size,)
-        joint = np.zeros((self._layout.num_agents, *shape), np.int64 if discrete else np.float32)
+        joint = self._settings.hold_actions(self._native)
+        discrete, shape = self._settings.is_discrete, joint.shape[1:]
         for agent, action in copy_mapping("actions", actions).items():
             if agent not in self.possible_agents:
                 raise ValueError(f"`actions.{agent}` is unknown; the agents are {', '.join(self.possible_agents)}")
+            if action is None:
+                continue
             array = np.asarray(action)
             if array.dtype.kind not in ("iu" if discrete else "fiu") or array.shape != shape:
                 expected = "an integer" if discrete else f"{self._layout.action_size} numbers"
@@ -172,7 +180,7 @@ def parallel_env(
     threats: int | None = None,
     look_ahead: int | None = None,
     bodies: int | None = None,
-    actions: Actions = "continuous",
+    actions: Actions | None = None,
     axes: Axes | None = None,
     curriculum: Curriculum | None = None,
     render_mode: str | None = None,

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from . import _native
 from .scenario import Scenario, check_seed, native_scenario
+from .tasks import task
 
 
 class Policy:
@@ -21,15 +22,17 @@ class Policy:
 
     def __init__(self, name: str, scenario: Scenario, seed: int = 0) -> None:
         self.name = name
+        self._has_named_actions = bool(task(scenario.task).action_names)
         self._native = _native.NativePolicy(name, native_scenario(scenario), check_seed(seed))
 
-    def act(self, telemetry: Mapping[str, Any]) -> npt.NDArray[np.float64]:
-        """Returns the action of each agent, agents × values.
+    def act(self, telemetry: Mapping[str, Any]) -> npt.NDArray[Any]:
+        """Returns the action of each agent: agents × values, or an integer for each agent if actions have names.
 
         Args:
             telemetry: Observation in the wire form: `Environment.telemetry()`, or a server's.
         """
-        return self._native.act(json.dumps(dict(telemetry)))
+        actions = self._native.act(json.dumps(dict(telemetry)))
+        return actions[:, 0].astype(np.int64) if self._has_named_actions else actions
 
 
 def policy(name: str, scenario: Scenario, seed: int = 0) -> Policy:

@@ -16,6 +16,9 @@ ENVIRONMENTS = {
     "sparring/Formation-v0": "kessler/formation",
     "sparring/DockingSingle-v0": "docking/single",
     "sparring/DockingMultiagent-v0": "docking/multiagent",
+    "sparring/Scanning-v0": "tasking/scanning",
+    "sparring/Imaging-v0": "tasking/imaging",
+    "sparring/Constellation-v0": "tasking/constellation",
 }
 
 

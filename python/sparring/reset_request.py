@@ -84,6 +84,11 @@ class SingleBatch:
         self._unfinished_steps = 0
         return ResetResult(observation, {"scenario": self.scenario, **self._curriculum_info()})
 
+    def times(self) -> dict[str, Any]:
+        """Returns the duration of the last step, and which agents need an action."""
+        durations, needs_action = self.native.step_times()
+        return {"d_ts": float(durations[0]), "requires_retasking": needs_action[0]}
+
     def count_step(self, ended: bool) -> None:
         """Records a step, and whether the episode ended."""
         self._unfinished_steps = 0 if ended else self._unfinished_steps + 1

@@ -15,7 +15,7 @@ from . import _native
 from .curriculum import Curriculum
 from .errors import invalid, one_of
 from .scenario import make_recipe, to_json
-from .tasks import Task
+from .tasks import Task, have_equal_agents
 from .tasks import task as find_task
 
 Observation = Literal["tracks", "telemetry", "state"]
@@ -49,11 +49,13 @@ class Settings:
     threats: int | None = None
     look_ahead: int | None = None
     bodies: int | None = None
-    actions: Actions = "continuous"
+    actions: Actions | None = None
     axes: Axes | None = None
     curriculum: Curriculum | None = None
     #: Description of the task.
     spec: Task = field(init=False)
+    #: True if actions are indices of choices, false if they are numbers.
+    is_discrete: bool = field(init=False)
 
     def __post_init__(self) -> None:
         if self.curriculum is not None:
@@ -64,6 +66,7 @@ class Settings:
                     raise ValueError(f"`{name}` must be omitted with `curriculum`, which chooses the scenarios")
             self._set(task=_choose_task(self.curriculum, self.task))
         self._set(spec=find_task("kessler/survival" if self.task is None else self.task))
+        self._set(is_discrete=self._reads_choices())
         if self.curriculum is not None and self.spec.default_observation == "tracks":
             # The number of bodies changes with the curriculum's scenarios.
             self._set(bodies=CURRICULUM_BODIES if self.observation == "telemetry" and self.bodies is None else self.bodies)
@@ -71,6 +74,13 @@ class Settings:
     def _set(self, **fields: Any) -> None:
         for name, value in fields.items():
             object.__setattr__(self, name, value)
+
+    def _reads_choices(self) -> bool:
+        if self.actions not in (None, *get_args(Actions)):
+            raise one_of("actions", get_args(Actions), self.actions)
+        if self.spec.action_names and self.actions == "continuous":
+            raise invalid("actions", f"'discrete' in {self.spec.world}, whose actions have names", self.actions)
+        return bool(self.spec.action_names) or self.actions == "discrete"
 
     def arguments(self) -> dict[str, Any]:
         """Returns the arguments that make an equal environment, for copies as by Gymnasium's `EzPickle`.
@@ -125,8 +135,6 @@ class Settings:
         Raises:
             ValueError: A value is unknown or out of range; the message names the field.
         """
-        if self.actions not in get_args(Actions):
-            raise one_of("actions", get_args(Actions), self.actions)
         _check_count("num_envs", envs, 1)
         for name, value, minimum in (("threads", threads, 1), ("threats", self.threats, 0),
                                      ("look_ahead", self.look_ahead, 0), ("bodies", self.bodies, 0)):  # fmt: skip
@@ -142,7 +150,7 @@ class Settings:
             threats=DEFAULT_THREATS if self.threats is None else self.threats,
             look_ahead=DEFAULT_LOOK_AHEAD if self.look_ahead is None else self.look_ahead,
             axes=self.action_axes(),
-            discrete=self.actions == "discrete",
+            discrete=self.is_discrete,
             autoreset_mode=autoreset_mode,
             threads=threads,
             seed=secrets.randbits(50) if seed is None else seed,
@@ -152,7 +160,13 @@ class Settings:
 
     def agent_name(self) -> str:
         """Returns the prefix of agents' names."""
-        return "satellite" if self.spec.world.startswith("kessler") else "deputy"
+        return "deputy" if self.spec.world.startswith("docking") else "satellite"
+
+    def hold_actions(self, native: _native.NativeBatch) -> npt.NDArray[Any]:
+        """Returns the actions of one environment in which all agents hold."""
+        if self.is_discrete:
+            return np.full(native.num_agents, self.spec.hold_choice, np.int64)
+        return np.zeros((native.num_agents, native.action_size), np.float32)
 
 
 def _check_count(name: str, value: Any, minimum: int) -> None:
@@ -164,11 +178,10 @@ def _choose_task(curriculum: Curriculum, task: str | None) -> str:
     """Returns a task that represents all tasks of a run, which must have equal agents."""
     tasks = curriculum.tasks
     listed = ", ".join(tasks)
-    worlds = {id.split("/")[0] for id in tasks}
-    if len(worlds) > 1 or (len(tasks) > 1 and worlds == {"docking"}):
+    if not have_equal_agents(tasks):
         raise ValueError(
             f"`curriculum` must be of a run whose tasks have equal agents, got {listed}; choose tasks of kessler, or one task of"
-            " docking"
+            " another world"
         )
     if task is not None and find_task(task).id not in tasks:
         raise invalid("task", f"one of the run's tasks, {listed}", task)
@@ -181,6 +194,8 @@ class ObservationLayout:
     def __init__(self, settings: Settings, native: _native.NativeBatch) -> None:
         self.mode = settings.observation_mode()
         self.agent_name = settings.agent_name()
+        #: Name of the agents' part in *telemetry*.
+        self.agents_part = "deputies" if self.agent_name == "deputy" else "satellites"
         self.num_agents = native.num_agents
         self.action_size = native.action_size
         #: Values of one environment's observation.
@@ -200,7 +215,7 @@ class ObservationLayout:
             low, high = (-TRACKS_LIMIT, TRACKS_LIMIT) if self.mode == "tracks" else (-np.inf, np.inf)
             return spaces.Box(low, high, (self.num_agents, self.size // self.num_agents), np.float32)
         if not self.is_kessler:
-            return spaces.Dict({"deputies": _unbounded(self.num_agents, self.size // self.num_agents)})
+            return spaces.Dict({self.agents_part: _unbounded(self.num_agents, self.size // self.num_agents)})
         return spaces.Dict({
             "satellites": _unbounded(self.num_agents, SATELLITE_VALUES),
             "debris": _unbounded(len(DEBRIS_ROWS), self.bodies),
@@ -215,7 +230,7 @@ class ObservationLayout:
         if self.mode == "state":
             return flat.reshape(*lead, self.num_agents, self.size // self.num_agents)
         if not self.is_kessler:
-            return {"deputies": flat.reshape(*lead, self.num_agents, self.size // self.num_agents)}
+            return {self.agents_part: flat.reshape(*lead, self.num_agents, self.size // self.num_agents)}
         satellites_end = self.num_agents * SATELLITE_VALUES
         debris_end = satellites_end + len(DEBRIS_ROWS) * self.bodies
         return {
@@ -230,7 +245,7 @@ class ObservationLayout:
         if self.mode != "telemetry":
             return list(observations)
         if not self.is_kessler:
-            return [{"deputies": row} for row in observations["deputies"]]
+            return [{self.agents_part: row} for row in observations[self.agents_part]]
         # Slicing each environment separately would dominate the time of steps in which tens of episodes end.
         parts = zip(observations["debris"], observations["mask"], observations["satellites"], strict=True)
         return [{"debris": debris, "mask": mask, "satellites": satellites} for debris, mask, satellites in parts]
@@ -242,7 +257,7 @@ def _unbounded(*shape: int) -> spaces.Box:
 
 def action_space(settings: Settings, layout: ObservationLayout) -> spaces.Box | spaces.MultiDiscrete:
     """Returns the action space of one environment: the actions of all its agents."""
-    if settings.actions == "discrete":
+    if settings.is_discrete:
         return spaces.MultiDiscrete([len(settings.spec.choices)] * layout.num_agents)
     low, high, _ = settings.spec.action_range
     return spaces.Box(low, high, (layout.num_agents, layout.action_size), np.float32)
@@ -250,7 +265,7 @@ def action_space(settings: Settings, layout: ObservationLayout) -> spaces.Box | 
 
 def agent_action_space(settings: Settings, layout: ObservationLayout) -> spaces.Box | spaces.Discrete:
     """Returns the action space of one agent."""
-    if settings.actions == "discrete":
+    if settings.is_discrete:
         return spaces.Discrete(len(settings.spec.choices))
     low, high, _ = settings.spec.action_range
     return spaces.Box(low, high, (layout.action_size,), np.float32)

@@ -30,8 +30,10 @@ class Environment(gymnasium.Env[Any, Any]):
     | `continuous` | docking | `Box(-1, 1, (agents, 3))` | thrust of each deputy, N |
     | `discrete` | kessler | `MultiDiscrete([17] * agents)` | index into `sparring.task(…).choices` for each satellite |
     | `discrete` | docking | `MultiDiscrete([27] * agents)` | the same for each deputy |
+    | `discrete` | tasking | `MultiDiscrete([4] * agents)`, or 13 with targets | index into `sparring.task(…).action_names` |
 
-    Zero holds, and so does choice 0. With *tracks*, continuous actions are along each satellite's own radial and in-track
+    In kessler and docking, zero holds, and so does choice 0. In tasking, None and -1 stand for no new action: the agent goes
+    on with the action before. None is accepted for all agents or for single ones. With *tracks*, continuous actions are along each satellite's own radial and in-track
     directions, else along x and y; `axes` overrides this.
 
     ## Observation space, float32
@@ -45,6 +47,8 @@ class Environment(gymnasium.Env[Any, Any]):
     | | | `mask (bodies,)` | 1 for each piece of debris that exists and is visible |
     | `state` | docking | `Box(-inf, inf, (agents, 8))` | x, y, z, vx, vy, vz, speed, speed limit there; m, m/s |
     | `telemetry` | docking | `Dict(deputies (agents, 8))` | the same |
+    | `state` | tasking | `Box(-inf, inf, (agents, n))` | resources, pointing and opportunities of each satellite |
+    | `telemetry` | tasking | `Dict(satellites (agents, n))` | the same |
 
     `columns()` names every value in the order of the flat array.
 
@@ -60,15 +64,16 @@ class Environment(gymnasium.Env[Any, Any]):
 
     ## Episode end
 
-    | | kessler | docking |
+    | world | terminated | truncated |
     |---|---|---|
-    | terminated | no satellite is left | every deputy docked, crashed, left the area, collided, was too fast or timed out |
-    | truncated | at step 50, with satellites left | a deputy ran out of time, which has a penalty: both flags are set |
+    | kessler | no satellite is left | at step 50, with satellites left |
+    | docking | every deputy docked, crashed, left the area, collided, was too fast or timed out | a deputy ran out of time (both) |
+    | tasking | no satellite is alive | at the time limit, with satellites alive |
 
     ## Infos
 
     A step has `score`, and `alerts`, messages about the step. A reset has `scenario` and, with a curriculum, `level` and
-    `train`.
+    `train`. Both have `d_ts`, the duration of the step in s, and `requires_retasking`, an array of which agents need an action.
 
     Args:
         task: Id or name: `kessler/survival` (the default) or `survival`.
@@ -76,11 +81,12 @@ class Environment(gymnasium.Env[Any, Any]):
         physics: Physics options that differ from their defaults.
         layout: Explicit bodies that replace or extend those of the generator.
         level: Index of a level (`sparring.levels`), which sets the params that are not given.
-        observation: `tracks` or `telemetry` in kessler, `state` or `telemetry` in docking.
+        observation: `tracks` or `telemetry` in kessler, `state` or `telemetry` in docking and tasking.
         threats: Pieces of debris that a satellite observes in *tracks* (8).
         look_ahead: Steps over which *tracks* predicts close approaches (15).
         bodies: Size of the debris array of *telemetry* (by default the maximum for the params).
-        actions: `continuous`, or `discrete`: for each agent an index into `sparring.task(…).choices`.
+        actions: `continuous` (the default in kessler and docking), or `discrete`: for each agent an index into
+            `sparring.task(…).choices`. Tasking has only discrete actions.
         axes: Axes of continuous actions: each `agent`'s own, or the `world`'s.
         curriculum: Source of the scenarios, which receives the outcomes, as in `sparring.make_vec`. It replaces seeds,
             `params`, `physics`, `layout` and `level`.
@@ -105,7 +111,7 @@ class Environment(gymnasium.Env[Any, Any]):
         threats: int | None = None,
         look_ahead: int | None = None,
         bodies: int | None = None,
-        actions: Actions = "continuous",
+        actions: Actions | None = None,
         axes: Axes | None = None,
         curriculum: Curriculum | None = None,
         render_mode: str | None = None,
@@ -120,6 +126,7 @@ class Environment(gymnasium.Env[Any, Any]):
         self._layout = ObservationLayout(settings, self._native)
         self.observation_space = self._layout.space()
         self.action_space = action_space(settings, self._layout)
+        self._hold = settings.hold_actions(self._native)
         self._renderer = Renderer(render_mode, render_size, self.metadata)
         self.render_mode = render_mode
         self._history: list[npt.NDArray[np.float32]] = []
@@ -147,7 +154,7 @@ class Environment(gymnasium.Env[Any, Any]):
         self._history, self._is_running = [], True
         if self.render_mode == "human":
             self.render()
-        return self._layout.view(observation, single=True), info
+        return self._layout.view(observation, single=True), {**info, **self._batch.times()}
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Runs one step of the world.
@@ -162,15 +169,24 @@ class Environment(gymnasium.Env[Any, Any]):
         """
         if not self._is_running:
             raise ResetNeeded("no episode is running: call reset() first")
-        observation, rewards, terminations, truncations, ended = self._native.step(action)
+        observation, rewards, terminations, truncations, ended = self._native.step(self._fill_holds(action))
         self._history.append(self._native.last_actions()[0])
         self._batch.count_step(ended)
-        info = {"score": self._batch.score, "alerts": self._native.alerts(0)}
+        info = {"score": self._batch.score, "alerts": self._native.alerts(0), **self._batch.times()}
         self._is_running = not ended
         if self.render_mode == "human":
             self.render()
         terminated, truncated = bool(terminations[0]), bool(truncations[0])
         return self._layout.view(observation, single=True), float(rewards[0]), terminated, truncated, info
+
+    def _fill_holds(self, action: Any) -> Any:
+        """Replaces None, as an action of all agents or of one, by hold."""
+        if action is None:
+            return self._hold
+        if isinstance(action, (list, tuple)) and len(action) == len(self._hold):
+            pairs = zip(action, self._hold, strict=True)
+            return [hold if chosen is None else chosen for chosen, hold in pairs]
+        return action
 
     def abandon(self) -> None:
         """Abandons the episode: with a curriculum, its scenario is not offered again."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -42,6 +43,8 @@ class Task:
     horizon: int
     #: Number of agents, with default params.
     agents: int
+    #: Duration of an episode with default params, s; None in a world whose steps have equal durations.
+    time_limit_s: float | None
     params: tuple[Param, ...]
     #: Choices of each physics option; the first is the default.
     options: dict[str, tuple[str, ...]]
@@ -52,10 +55,14 @@ class Task:
     action_columns: tuple[str, ...]
     #: Names of the values of an action along the agent's own axes; None if agents have no axes of their own.
     agent_axes: tuple[str, ...] | None
+    #: Names of the actions by index; empty if actions are numbers within `action_range`.
+    action_names: tuple[str, ...]
     #: Minimum and maximum of each value of an action, and its unit.
     action_range: tuple[float, float, str]
     #: Actions that `actions="discrete"` chooses from.
     choices: tuple[tuple[float, ...], ...]
+    #: Choice of an agent that holds. It is -1 if no choice is hold: the agent goes on with the action before.
+    hold_choice: int
     #: Description of these actions.
     choices_description: str
     #: Names and descriptions of the built-in policies.
@@ -96,14 +103,17 @@ def task(id: str) -> Task:
         description=info["description"],
         horizon=info["horizon"],
         agents=info["agents"],
+        time_limit_s=info["time_limit_s"],
         params=tuple(Param(**param) for param in info["params"]),
         options={option["name"]: tuple(option["choices"]) for option in info["options"]},
         levels=tuple(info["levels"]),
         score_range=(info["score_range"]["min"], info["score_range"]["max"]),
         action_columns=tuple(actions["columns"]),
         agent_axes=tuple(info["agent_axes"]) if info["agent_axes"] else None,
+        action_names=tuple(actions["names"]),
         action_range=(actions["low"], actions["high"], actions["unit"]),
         choices=tuple(map(tuple, info["choices"]["rows"])),
+        hold_choice=-1 if info["choices"]["hold"] is None else info["choices"]["hold"],
         choices_description=info["choices"]["description"],
         policies={policy["name"]: policy["description"] for policy in info["policies"]},
     )
@@ -121,3 +131,9 @@ def parameter_space(id: str) -> dict[str, Param]:
 def levels(id: str) -> tuple[dict[str, float], ...]:
     """Returns the params of each level of a task, from easy to hard."""
     return tuple(dict(row) for row in task(id).levels)
+
+
+def have_equal_agents(ids: Iterable[str]) -> bool:
+    """Returns true if one agent can act in all tasks: they are tasks of kessler, or one task."""
+    ids = set(ids)
+    return len(ids) <= 1 or all(id.startswith("kessler/") for id in ids)

@@ -40,6 +40,15 @@ class AgentResults(NamedTuple):
     truncations: npt.NDArray[np.bool_]
 
 
+class StepTimes(NamedTuple):
+    """Times of a step."""
+
+    #: Duration of the step, s; in kessler steps, of one time unit each. It is 0 after a reset.
+    d_ts: npt.NDArray[np.float64]
+    #: True for agents that need an action in the next step, envs × agents. The others go on with theirs.
+    requires_retasking: npt.NDArray[np.bool_]
+
+
 class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
     """Environments of one task, stepped together on compiled threads with the interpreter lock released.
 
@@ -128,7 +137,7 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
         observations = self._native.reset(seeds, mask, out, recipes, scenarios)
         if isinstance(seed, (int, np.integer)):
             super().reset(seed=seeds[0])
-        return self._layout.view(observations), {}
+        return self._layout.view(observations), self._times_info()
 
     def _read_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         if seed is None:
@@ -169,7 +178,8 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
             out: Arrays that are written and returned: one of `empty_observations()`, and arrays of float64, bool and bool.
 
         Returns:
-            Observations, team rewards, terminations, truncations and infos. Infos are empty unless an episode ended:
+            Observations, team rewards, terminations, truncations and infos. In worlds whose steps have different durations
+            infos have `d_ts` (s) and `requires_retasking` (envs × agents), as `step_times()` returns them. If an episode ended,
             `episode` has returns `r`, lengths `l` and times `t` of those in the mask `_episode`. In same-step mode
             `final_obs` has their last observations, and `final_info` is empty. Scores and alerts are not in the infos: see
             `score(env)` for running episodes, and the curriculum or `sparring.replay` for those that ended.
@@ -181,8 +191,14 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
         if out is not None and not (isinstance(out, tuple) and len(out) == 4):
             raise invalid("out", "a tuple of four arrays (observations, rewards, terminations, truncations)", type(out))
         observations, rewards, terminations, truncations, any_ended = self._native.step(actions, out)
-        infos = self._final_infos() if any_ended else {}
+        infos = {**self._times_info(), **(self._final_infos() if any_ended else {})}
         return self._layout.view(observations), rewards, terminations, truncations, infos
+
+    def _times_info(self) -> dict[str, Any]:
+        if self._settings.spec.time_limit_s is None:
+            return {}
+        durations, needs_action = self._native.step_times()
+        return {"d_ts": durations, "requires_retasking": needs_action}
 
     def _final_infos(self) -> dict[str, Any]:
         infos: dict[str, Any] = {}
@@ -212,6 +228,10 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
     def agent_results(self) -> AgentResults:
         """Returns rewards, terminations and truncations of the last step by agent, envs × agents."""
         return AgentResults(*self._native.agent_results())
+
+    def step_times(self) -> StepTimes:
+        """Returns the duration of the last step of each environment, and which agents need an action, envs × agents."""
+        return StepTimes(*self._native.step_times())
 
     def absent_agents(self) -> npt.NDArray[np.bool_]:
         """Returns which agents take no part in the current episodes, envs × agents.
@@ -293,7 +313,7 @@ def make_vec(
     threats: int | None = None,
     look_ahead: int | None = None,
     bodies: int | None = None,
-    actions: Actions = "continuous",
+    actions: Actions | None = None,
     axes: Axes | None = None,
     autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     threads: int | None = None,

@@ -36,6 +36,7 @@ pub(crate) fn task_info(task: &str) -> PyResult<String> {
         "world": task.world(),
         "description": task.description(),
         "horizon": task.horizon(&recipe),
+        "time_limit_s": task.time_limit_s(&recipe),
         "agents": task.agents(&recipe),
         "params": task.params(),
         "options": task.options(),
@@ -46,6 +47,7 @@ pub(crate) fn task_info(task: &str) -> PyResult<String> {
         "choices": {
             "axes": if choices.axes == Axes::Agent { "agent" } else { "world" },
             "rows": choices.rows,
+            "hold": choices.hold,
             "description": choices.description,
         },
         "policies": task.policies(),

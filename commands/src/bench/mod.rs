@@ -10,7 +10,7 @@ use anyhow::Context;
 use clap::builder::PossibleValuesParser;
 use env_core::batch::ObservationMode;
 use env_core::world::BenchSpec;
-use env_core::{Recipe, RecordedWorld};
+use env_core::{Recipe, World};
 use serde::Serialize;
 
 use self::stepped_batch::SteppedBatch;
@@ -140,8 +140,8 @@ impl Default for BatchSettings {
 
 /// Returns the names of all worlds with benchmarks, then those of the tasks that are measured.
 fn benchmark_names() -> Vec<&'static str> {
-    let worlds = env_core::recorded_worlds().map(RecordedWorld::name);
-    let tasks = env_core::recorded_worlds().flat_map(RecordedWorld::benchmarks).map(|spec| spec.task.id());
+    let worlds = env_core::worlds().map(World::name);
+    let tasks = env_core::worlds().flat_map(World::benchmarks).map(|spec| spec.task.id());
     worlds.chain(tasks).collect()
 }
 
@@ -308,7 +308,7 @@ mod tests {
 
     #[test]
     fn every_benchmark_is_stepped() {
-        for spec in env_core::recorded_worlds().flat_map(RecordedWorld::benchmarks) {
+        for spec in env_core::worlds().flat_map(World::benchmarks) {
             let recipe = Recipe::with_params(spec.task, spec.params.iter().copied()).unwrap();
             let all = ObservationMode::All { bodies: None };
             let mut stepped_batch = SteppedBatch::from_recipe(recipe, 8, spec.action, all).unwrap();

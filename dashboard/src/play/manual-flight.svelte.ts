@@ -1,10 +1,16 @@
 /** Episode that the user runs by hand: past steps and frames, the draft of the next action, and the results. */
 import { ApiError, client, unwrap } from "../lib/api";
 import type { ScenarioCheck, ScenarioRequest, TaskActionSpace } from "../lib/api-types";
-import type { AnyFrame, DockingState, KesslerState } from "../replay/frames";
+import type { AnyFrame, DockingState, KesslerState, TaskingMap, TaskingState } from "../replay/frames";
 
 /** Frame of the service with the observation of the agents. The player sees the observation instead of the full state. */
-type ObservedFrame = AnyFrame & { observation: KesslerState | DockingState };
+type ObservedFrame = AnyFrame & { observation: KesslerState | DockingState | Omit<TaskingState, "map"> };
+
+/** Returns what the player sees: the observation, and in tasking the map, which hides nothing. */
+function observedState({ observation, state }: ObservedFrame): AnyFrame["state"] {
+  const map: TaskingMap | undefined = "map" in state ? state.map : undefined;
+  return (map ? { ...observation, map } : observation) as AnyFrame["state"];
+}
 
 /** Fuel that a burn of 1 LU/TU costs in kessler. */
 export const FUEL_PER_SPEED = 5;
@@ -21,6 +27,8 @@ const RETRY_MS = 1500;
 /** State of a manual flight; the service simulates each step. */
 export class ManualFlight {
   readonly scenario: Record<string, unknown>;
+  /** Value of an action by which an agent holds. */
+  readonly #hold: number;
   frames = $state.raw<AnyFrame[]>([]);
   steps = $state.raw<number[][][]>([]);
   done = $state(false);
@@ -38,8 +46,9 @@ export class ManualFlight {
   busy = $state(false);
   error = $state<unknown>(null);
 
-  constructor(scenario: Record<string, unknown>) {
+  constructor(scenario: Record<string, unknown>, { hold }: TaskActionSpace) {
     this.scenario = scenario;
+    this.#hold = hold;
     void this.#simulate([], 0);
     // The bracket needs planning and arrives later than the first frame.
     void this.#loadCheck();
@@ -49,10 +58,10 @@ export class ManualFlight {
     return this.frames.at(-1);
   }
 
-  /** The draft as an action of the API. */
+  /** The draft as an action of the API, without agents that hold. */
   get action(): number[][] {
     return Object.entries(this.draft)
-      .filter(([, values]) => values.some((value) => value !== 0))
+      .filter(([, values]) => values.some((value) => value !== this.#hold))
       .map(([agent, values]) => [Number(agent), ...values]);
   }
 
@@ -84,7 +93,7 @@ export class ManualFlight {
       );
       const observed = (flight.frames as unknown as ObservedFrame[]).map((frame) => ({
         ...frame,
-        state: frame.observation,
+        state: observedState(frame),
       }));
       this.frames = [...this.frames.slice(0, from), ...observed];
       this.steps = steps.slice(0, this.frames.length - 1);

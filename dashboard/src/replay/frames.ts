@@ -37,6 +37,69 @@ export interface DockingState {
   total_score: number;
 }
 
+/** A satellite of tasking, as agents observe it. */
+export interface TaskedSatellite {
+  id: number;
+  alive: boolean;
+  needs_action: boolean;
+  /** Name of the last action. */
+  action: string | null;
+  battery: number;
+  storage: number;
+  wheels: number[];
+  instrument_error_deg: number;
+  sun_error_deg: number;
+  targets: { priority: number; open_s: number; close_s: number; angle_deg: number }[];
+}
+
+/** Samples of a satellite's motion within a step; angles in degrees, resources as shares. */
+export interface SatelliteMotion {
+  longitude: number[];
+  latitude: number[];
+  /** Point that the instrument sees; null if it looks past the Earth. */
+  view: ([number, number] | null)[];
+  battery: number[];
+  storage: number[];
+  wheels: number[];
+  instrument_error: number[];
+  sun_error: number[];
+  sunlight: number[];
+  /** Number of a ground station that can be reached. */
+  station: (number | null)[];
+}
+
+/** Ground stations and targets of a map. */
+export interface MapObjects {
+  stations: { name: string; longitude: number; latitude: number; radius: number }[];
+  target_longitudes: number[];
+  target_latitudes: number[];
+  target_priorities: number[];
+}
+
+/** Map of an episode of tasking after a step. */
+export interface TaskingMap {
+  /** At the start only. */
+  objects?: MapObjects;
+  motion: { time_s: number[]; sun: [number, number][]; satellites: SatelliteMotion[] };
+  /** Numbers of the next targets of each satellite. */
+  upcoming: number[][];
+  tasked: ({ target: number; open_s: number; close_s: number } | null)[];
+  /** Images of the step as pairs of satellite and target. */
+  imaged: [number, number][];
+  links: [number, number][];
+}
+
+export interface TaskingState {
+  time_s: number;
+  time_limit_s: number;
+  /** Names of the actions, by index. */
+  actions: string[];
+  satellites: TaskedSatellite[];
+  critical_alerts: string[];
+  total_score: number;
+  map: TaskingMap;
+}
+
 export interface Frame<S> {
   step: number;
   /** Actions of the step before this frame: [agent, value, …] each. */
@@ -48,11 +111,17 @@ export interface Frame<S> {
 
 export type KesslerFrame = Frame<KesslerState>;
 export type DockingFrame = Frame<DockingState>;
-export type AnyFrame = Frame<KesslerState | DockingState>;
+export type TaskingFrame = Frame<TaskingState>;
+export type AnyFrame = Frame<KesslerState | DockingState | TaskingState>;
 
 export function isKessler(frames: AnyFrame[]): frames is KesslerFrame[] {
   const first = frames[0];
-  return first !== undefined && "satellites" in first.state;
+  return first !== undefined && "radar_debris" in first.state;
+}
+
+export function isTasking(frames: AnyFrame[]): frames is TaskingFrame[] {
+  const first = frames[0];
+  return first !== undefined && "map" in first.state;
 }
 
 /** Closest approach of a satellite and a piece of debris if neither acts. */

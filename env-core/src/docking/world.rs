@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use super::{DOCKING_TASKS, WORLD_ID, recording};
 use crate::task::TaskSpec;
-use crate::world::{BenchSpec, ComparisonError, RecordedWorld, RecordingComparison, World};
+use crate::world::{BenchSpec, ComparisonError, RecordingComparison, World};
 
 /// The only instance of the world.
 pub static DOCKING: DockingWorld = DockingWorld;
@@ -13,9 +13,13 @@ pub static DOCKING: DockingWorld = DockingWorld;
 #[derive(Debug)]
 pub struct DockingWorld;
 
-impl RecordedWorld for DockingWorld {
+impl World for DockingWorld {
     fn id(&self) -> &'static str {
         WORLD_ID
+    }
+
+    fn tasks(&self) -> Vec<&'static dyn TaskSpec> {
+        DOCKING_TASKS.iter().map(|task| task as &dyn TaskSpec).collect()
     }
 
     fn compare_recording(
@@ -32,11 +36,5 @@ impl RecordedWorld for DockingWorld {
         };
         // The cost of a step of the original was not measured for this project.
         vec![BenchSpec { task, params: &[("deputies", 3.0)], action: 1.0, original_us_per_step: None }]
-    }
-}
-
-impl World for DockingWorld {
-    fn tasks(&self) -> Vec<&'static dyn TaskSpec> {
-        DOCKING_TASKS.iter().map(|task| task as &dyn TaskSpec).collect()
     }
 }

@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use super::{KESSLER_TASKS, WORLD_ID, recording};
 use crate::task::TaskSpec;
-use crate::world::{BenchSpec, ComparisonError, RecordedWorld, RecordingComparison, World};
+use crate::world::{BenchSpec, ComparisonError, RecordingComparison, World};
 
 /// The kessler world, version 1.
 pub static KESSLER: KesslerWorld = KesslerWorld;
@@ -13,9 +13,13 @@ pub static KESSLER: KesslerWorld = KesslerWorld;
 #[derive(Debug)]
 pub struct KesslerWorld;
 
-impl RecordedWorld for KesslerWorld {
+impl World for KesslerWorld {
     fn id(&self) -> &'static str {
         WORLD_ID
+    }
+
+    fn tasks(&self) -> Vec<&'static dyn TaskSpec> {
+        KESSLER_TASKS.iter().map(|task| task as &dyn TaskSpec).collect()
     }
 
     fn compare_recording(
@@ -32,11 +36,5 @@ impl RecordedWorld for KesslerWorld {
         };
         // As much debris as in the hardest task of the public kessler-env, whose step took 125 µs.
         vec![BenchSpec { task, params: &[("debris", 50.0)], action: 0.05, original_us_per_step: Some(125.0) }]
-    }
-}
-
-impl World for KesslerWorld {
-    fn tasks(&self) -> Vec<&'static dyn TaskSpec> {
-        KESSLER_TASKS.iter().map(|task| task as &dyn TaskSpec).collect()
     }
 }

@@ -69,6 +69,9 @@ pub trait Episode: Send {
     /// Reward of the team in the last step; 0 before the first.
     fn last_reward(&self) -> f64;
 
+    /// Records how the world moves within later steps, which [`truth`](Self::truth) then describes. Only worlds with long steps do.
+    fn record_motion(&mut self) {}
+
     /// The complete state now, hidden bodies included, as JSON for replay views.
     fn truth(&self) -> Value;
 

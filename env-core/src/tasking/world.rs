@@ -1,22 +1,27 @@
-//! Implements the interface of recorded worlds for tasking.
+//! Implements the world interface for tasking.
 
 use serde_json::Value;
 
 use super::WORLD_ID;
 use super::recording::replay;
 use super::task::TASKING_TASKS;
-use crate::world::{BenchSpec, ComparisonError, RecordedWorld, RecordingComparison};
+use crate::task::TaskSpec;
+use crate::world::{BenchSpec, ComparisonError, RecordingComparison, World};
 
 /// The only instance of the world.
 pub static TASKING: TaskingWorld = TaskingWorld;
 
-/// Implementation of [`RecordedWorld`] for tasking.
+/// Implementation of [`World`] for tasking.
 #[derive(Debug)]
 pub struct TaskingWorld;
 
-impl RecordedWorld for TaskingWorld {
+impl World for TaskingWorld {
     fn id(&self) -> &'static str {
         WORLD_ID
+    }
+
+    fn tasks(&self) -> Vec<&'static dyn TaskSpec> {
+        TASKING_TASKS.iter().map(|task| task as &dyn TaskSpec).collect()
     }
 
     /// Compares with the world's tolerance of each quantity, or with `tolerance` where that is larger.

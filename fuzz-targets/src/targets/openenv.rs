@@ -57,13 +57,16 @@ fn actions(bytes: &[u8]) -> bool {
             let single = reads_action(task, &action, Precision::F32);
             double || single
         };
-        first_tasks().map(read).filter(|accepted| *accepted).count() > 0
+        tasks_of_all_formats().map(read).filter(|accepted| *accepted).count() > 0
     })
 }
 
-/// Returns one task of each world: all tasks of a world share their format.
-fn first_tasks() -> impl Iterator<Item = &'static dyn TaskSpec> {
-    env_core::worlds().filter_map(|world| world.tasks().first().copied())
+/// Returns two tasks of each world, the first and the last: every format is that of one of them.
+fn tasks_of_all_formats() -> impl Iterator<Item = &'static dyn TaskSpec> {
+    env_core::worlds().flat_map(|world| {
+        let tasks = world.tasks();
+        [tasks.first(), tasks.last()].map(Option::<&_>::copied).into_iter().flatten()
+    })
 }
 
 fn reads_action(task: &'static dyn TaskSpec, action: &Value, precision: Precision) -> bool {
@@ -121,9 +124,9 @@ fn action_seeds() -> Vec<Vec<u8>> {
         json!({"burns": json!({"action": {"burns": burns}}).to_string()}),
         json!({}),
     ];
-    for task in first_tasks() {
+    for task in tasks_of_all_formats() {
         let mut log = ActionLog::new(task.action_space().dim(), Precision::F64);
-        log.push_entry(0, &[0.25, -0.5, 0.125]);
+        log.push_entry(0, &[1.0, -0.5, 0.125]);
         log.push_entry(1, &[0.0, 1.0, 0.5]);
         log.end_step();
         seeds.extend(serde_json::from_str::<Value>(&wire_format(task).write_action(log.step(0))));

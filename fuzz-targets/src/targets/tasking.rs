@@ -1,7 +1,7 @@
 //! Recordings of BSK-RL, and episodes of tasking through all options.
 
-use env_core::RecordedWorld;
 use env_core::Seed;
+use env_core::World;
 use env_core::episode_rng::{EpisodeRng, RngStream, SeededRng};
 use env_core::tasking::TASKING;
 use env_core::tasking::clock::TickLength;

@@ -7,10 +7,13 @@ mod tests;
 use env_core::docking::constants::{MAX_DEPUTIES, MAX_THRUST_N};
 
 use crate::action_format::ActionFormat;
+use crate::action_tool::FIRE_THRUSTERS;
+use crate::value_kind::ValueKind;
 use crate::wire_format::WorldFormat;
 
 /// The format of all tasks of docking.
-pub(crate) static FORMAT: WorldFormat<3> = WorldFormat::new(THRUSTS, schema::action, schema::observation);
+pub(crate) static FORMAT: WorldFormat<3> =
+    WorldFormat::new(THRUSTS, schema::action, schema::observation, FIRE_THRUSTERS);
 
 const THRUSTS: ActionFormat<3> = ActionFormat {
     list_field: "thrusts",
@@ -18,5 +21,5 @@ const THRUSTS: ActionFormat<3> = ActionFormat {
     agent_field: "deputy_id",
     value_fields: ["thrust_x", "thrust_y", "thrust_z"],
     max_agents: MAX_DEPUTIES as u32,
-    bound: MAX_THRUST_N,
+    values: ValueKind::Number { bound: MAX_THRUST_N },
 };

@@ -46,6 +46,7 @@ fn assert_conforms(value: &Value, schema: &Value, root: &Value) {
             assert!(schema["minItems"].as_u64().is_none_or(|min| items.len() as u64 >= min));
             assert!(schema["maxItems"].as_u64().is_none_or(|max| items.len() as u64 <= max));
         }
+        "boolean" => assert!(value.is_boolean(), "{value}"),
         "number" => assert!(value.is_number(), "{value}"),
         "integer" => assert!(value.is_u64(), "{value}"),
         "string" => assert!(value.is_string(), "{value}"),

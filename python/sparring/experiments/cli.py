@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from ..curriculum import CurriculumError
+from ..tasks import have_equal_agents
 from .experiment import DESIGNS, STRATEGIES, TARGET, Experiment, ExperimentError, Training, record, split_list
 
 
@@ -94,8 +95,8 @@ def _read_experiment(args: argparse.Namespace) -> Experiment:
         tasks = tuple(sparring.task(task).id for task in split_list(args.tasks))
     except ValueError as error:
         raise ExperimentError(f"--tasks: {error}") from error
-    if len(tasks) > 1 and any(task.startswith("docking/") for task in tasks):
-        raise ExperimentError(f"--tasks must be tasks of kessler, or one task of docking, got {', '.join(tasks)}")
+    if not have_equal_agents(tasks):
+        raise ExperimentError(f"--tasks must be tasks of kessler, or one task of another world, got {', '.join(tasks)}")
     return Experiment(**{**settings, "arms": arms, "seeds": seeds, "tasks": tasks})
 
 

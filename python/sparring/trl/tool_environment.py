@@ -13,6 +13,7 @@ from gymnasium.error import ResetNeeded
 from ..docking_episode import DOCKING_PROMPT, DockingEpisode
 from ..scenario import Scenario, bracket
 from ..single import Environment
+from ..tasks import have_equal_agents
 from ..text_episode import Reward, TextEpisode
 from ..tool_episode import PROMPT, ToolEpisode
 from .group_episodes import GroupEpisodes
@@ -109,7 +110,7 @@ def world_of(tasks: Sequence[str]) -> str:
         ValueError: The tasks need different tools.
     """
     worlds = {task.split("/")[0] for task in tasks}
-    if len(worlds) > 1 or (worlds == {"docking"} and len(tasks) > 1):
+    if not have_equal_agents(tasks) or not worlds <= set(PROMPTS):
         raise ValueError(
             f"`curriculum` must be of a run with tasks of kessler, or with one task of docking, got {', '.join(tasks)}; make a"
             " run for each of the others, and pass sparring.trl.Environments to the trainer"

@@ -2,12 +2,16 @@
 
 use env_core::Seed;
 use env_core::seed::MAX_USER_SEED;
+use env_core::space::ActionSpace;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 
 use super::NativeBatch;
 use crate::arrays::{copy_f32, read_i64};
 use crate::errors::invalid;
+
+/// Discrete action by which an agent goes on with the action before, if none of the choices is hold.
+const GO_ON: i64 = -1;
 
 impl NativeBatch {
     /// True if this process made the batch, false in a fork of it.
@@ -47,9 +51,20 @@ impl NativeBatch {
         };
         target.clear();
         for choice in read_i64("actions", actions, &self.action_shape)? {
-            let row = usize::try_from(choice).ok().and_then(|choice| choices.get(choice));
-            let error = || invalid("actions", format!("from 0 to {}", choices.len() - 1), choice);
-            target.extend_from_slice(row.ok_or_else(error)?);
+            let row = usize::try_from(choice).ok().and_then(|choice| choices.rows.get(choice));
+            match row {
+                Some(row) => target.extend_from_slice(row),
+                // No choice is hold.
+                None if choice == GO_ON && choices.hold.is_none() => target.push(ActionSpace::GO_ON),
+                None => {
+                    let low = if choices.hold.is_none() { "-1 (go on)" } else { "0" };
+                    return Err(invalid(
+                        "actions",
+                        format!("from {low} to {}", choices.rows.len() - 1),
+                        choice,
+                    ));
+                }
+            }
         }
         Ok(())
     }

@@ -16,13 +16,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use env_core::batch::episode_assigner::{AssignedScenarios, EpisodeAssigner};
 use env_core::batch::{BatchConfig, BatchShape, MAX_ENVS};
+use env_core::space::ActionGrid;
 use env_core::{Recipe, TaskSpec};
 use numpy::{IxDyn, PyArray1, PyArray2, PyArray3, PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
 
 use self::lock::{lock_attached, lock_detached};
 use self::outputs::{
-    AgentArrays, CurriculumArrays, EpisodeArrays, OutArrays, OutputArrays, StepArrays, StepResult,
+    AgentArrays, CurriculumArrays, EpisodeArrays, OutArrays, OutputArrays, StepArrays, StepResult, TimeArrays,
 };
 use self::reset_request::check_memory;
 use crate::arrays::{read_mask, writable};
@@ -47,7 +48,7 @@ pub(crate) struct NativeBatch {
     shape: BatchShape,
     action_shape: Vec<usize>,
     /// Actions that discrete actions choose from; `None` with continuous actions.
-    choices: Option<Vec<Vec<f32>>>,
+    choices: Option<ActionGrid>,
     /// Source of the scenarios, if a curriculum chooses them.
     curriculum: Option<Arc<CurriculumClient>>,
     state: Mutex<BatchState>,
@@ -118,7 +119,7 @@ impl NativeBatch {
             process: std::process::id(),
             shape,
             action_shape: [leading_axes, &action_shape].concat(),
-            choices: choices.map(|choices| choices.rows),
+            choices,
             curriculum: client,
             state: Mutex::new(BatchState::new(batch, config.autoreset, hold, assigner)),
             outputs: Mutex::new(OutputArrays::new(leading_axes, shape, config.observe)),
@@ -247,6 +248,18 @@ impl NativeBatch {
             PyArray1::from_slice(py, &state.buffers.terminated).reshape(shape)?,
             PyArray1::from_slice(py, &state.buffers.truncated).reshape(shape)?,
         ))
+    }
+
+    /// Returns the duration of the last step of each environment, s, and which agents need an action in the next one.
+    ///
+    /// Durations are 0 after a reset.
+    #[pyo3(signature = () -> "tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.bool_]]")]
+    fn step_times<'py>(&self, py: Python<'py>) -> PyResult<TimeArrays<'py>> {
+        let state = lock_attached(py, &self.state);
+        let durations = state.buffers.elapsed.iter().copied().map(f64::from).collect();
+        let shape = [self.shape.envs, self.shape.agents];
+        let needs_action = PyArray1::from_slice(py, &state.buffers.needs_action).reshape(shape)?;
+        Ok((PyArray1::from_vec(py, durations), needs_action))
     }
 
     /// Returns which agents take no part in the current episodes.

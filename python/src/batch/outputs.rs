@@ -29,6 +29,8 @@ pub(super) type CurriculumArrays<'py> =
 /// For each agent: its reward, whether it terminated, and whether it was truncated.
 pub(super) type AgentArrays<'py> =
     (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<bool>>, Bound<'py, PyArray2<bool>>);
+/// For each environment: the duration of the last step, and for each of its agents whether it needs an action.
+pub(super) type TimeArrays<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<bool>>);
 /// Caller's arrays for observations, rewards, terminations and truncations.
 pub(super) type OutArrays<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
 

@@ -23,6 +23,17 @@ DOWNLINKER = {
     "observations": (targets_observed(2), resources_observed(), stations_observed()),
 }
 
+# Stations with a minimum elevation (rad) or a largest range (m) of their own; the world's values hold for the others.
+LIMITED_STATIONS = [
+    {"name": "elevation_5", "lat": 40.0, "long": -105.3, "gsMinimumElevation": 0.087},
+    {"name": "elevation_25", "lat": 28.3, "long": -80.7, "gsMinimumElevation": 0.436},
+    {"name": "range_900_km", "lat": 1.4, "long": 103.8, "gsMaximumRange": 0.9e6},
+    {"name": "range_1800_km", "lat": 47.9, "long": 11.1, "gsMaximumRange": 1.8e6},
+    {"name": "both", "lat": -33.1, "long": -70.7, "gsMinimumElevation": 0.3, "gsMaximumRange": 0.8e6},
+    {"name": "world", "lat": -29.0, "long": 115.3},
+    {"name": "unlimited", "lat": 19.9, "long": -155.6, "gsMaximumRange": -1.0},
+]
+
 EPISODES = (
     Episode(
         name="storage_overflow_scan",
@@ -88,5 +99,26 @@ EPISODES = (
         policy=RandomPolicy(weights={"Image": 2.0, "Charge": 1.0}, busy=0.1),
         max_steps=60,
         env={"time_limit": ORBIT_S},
+    ),
+    Episode(
+        name="station_limits",
+        seed=3,
+        cls="SatelliteTasking",
+        satellites=(
+            scanner(
+                args={
+                    "storageInit": 30_000_000_000,
+                    "transmitterBaudRate": -0.4e7,
+                    "batteryStorageCapacity": 400 * 3600,
+                    "storedCharge_Init": 300 * 3600,
+                }
+            ),
+        ),
+        scenario=NADIR,
+        rewarders=SCANNING_TIME,
+        policy=RandomPolicy(weights={"Scan": 1.0, "Charge": 0.5, "Downlink": 4.0}, in_view=0.9),
+        max_steps=200,
+        env={"time_limit": 2.5 * ORBIT_S},
+        world_args={"groundStationsData": LIMITED_STATIONS, "gsMaximumRange": 1.4e6},
     ),
 )

@@ -11,7 +11,7 @@ const TOLERANCE: f64 = 1e-9;
 
 fn compare(recording: &Value) -> RecordingComparison {
     let found: Vec<_> =
-        crate::recorded_worlds().filter_map(|world| world.compare_recording(recording, TOLERANCE)).collect();
+        crate::worlds().filter_map(|world| world.compare_recording(recording, TOLERANCE)).collect();
     assert_eq!(found.len(), 1, "exactly one world recognises it");
     found.into_iter().next().unwrap().unwrap()
 }

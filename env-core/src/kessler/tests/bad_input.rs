@@ -234,7 +234,7 @@ fn invalid_task_or_seed_is_rejected() {
     scenario must be an object, got "kessler/survival"
     task is required: the id of a task, such as kessler/survival
     task must be the id of a task, such as kessler/survival, got 1
-    task must be one of kessler/survival, kessler/eco_station, kessler/rendezvous, kessler/formation, docking/single, docking/multiagent, got "kessler/golf"
+    task must be one of kessler/survival, kessler/eco_station, kessler/rendezvous, kessler/formation, docking/single, docking/multiagent, tasking/scanning, tasking/imaging, tasking/constellation, got "kessler/golf"
     seed is required: an integer from 0 to 2251799813685247 (larger seeds are reserved for training and evaluation)
     seed must be an integer from 0 to 2251799813685247 (larger seeds are reserved for training and evaluation), got -1
     seed must be an integer from 0 to 2251799813685247 (larger seeds are reserved for training and evaluation), got 1.5

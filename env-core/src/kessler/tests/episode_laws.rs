@@ -170,7 +170,7 @@ fn errors_name_field_value_and_range() {
     insta::assert_snapshot!(with("params", json!({"fule": 1})), @"params.fule is not a known field; the known fields are debris, fuel, spread, rogue_probability, rogue_speed, radar_range, sigma");
     insta::assert_snapshot!(with("physics", json!({"compat": "downstream"})), @r#"physics.compat must be one of none, upstream, got "downstream""#);
     insta::assert_snapshot!(with("seed", json!(1u64 << 53)), @"seed must be an integer from 0 to 2251799813685247 (larger seeds are reserved for training and evaluation), got 9007199254740992");
-    insta::assert_snapshot!(with("task", json!("kessler/golf")), @r#"task must be one of kessler/survival, kessler/eco_station, kessler/rendezvous, kessler/formation, docking/single, docking/multiagent, got "kessler/golf""#);
+    insta::assert_snapshot!(with("task", json!("kessler/golf")), @r#"task must be one of kessler/survival, kessler/eco_station, kessler/rendezvous, kessler/formation, docking/single, docking/multiagent, tasking/scanning, tasking/imaging, tasking/constellation, got "kessler/golf""#);
     insta::assert_snapshot!(with("layout", json!({"mode": "replace", "bodies": {"debris": [[30, 0, 0, 5]]}})), @"params.debris must be 1, the debris of the layout, got 25");
     insta::assert_snapshot!(with("layout", json!({"mode": "extend", "bodies": {"debris": [[3, 0, 0, 5]]}})), @"layout.bodies.debris.0 must start outside the Earth (radius 20 LU), got a distance of 3.0 LU");
     insta::assert_snapshot!(with("layout", json!({"mode": "extend", "bodies": {"debris": [[3, 0, 0, 500]]}})), @"layout.bodies.debris.0.3 must be from -100 to 100, got 500");

@@ -6,11 +6,13 @@ use crate::tasking::orbit::{HermiteArc, OrbitNode};
 use crate::tasking::vector3::{Vector3, dot, norm, sub};
 
 /// Excess of the elevation over its minimum, as a length: the satellite's height over the location's horizon less its range times
-/// the sine of the minimum elevation.
+/// the sine of the minimum elevation. It is at most the excess of the largest range over the range.
 pub(super) struct ElevationExcess {
     pub(super) position: Vector3<f64>,
     pub(super) heading: Vector3<f64>,
     pub(super) sine: f64,
+    /// Largest range of access, m; infinite if there is no limit.
+    pub(super) max_range_m: f64,
 }
 
 /// A value and its rate of change.
@@ -24,16 +26,20 @@ impl ElevationExcess {
     /// The excess at a position.
     pub(super) fn value(&self, satellite: &Vector3<f64>) -> f64 {
         let away = sub(satellite, &self.position);
-        dot(&away, &self.heading) - self.sine * norm(&away)
+        let range = norm(&away);
+        (dot(&away, &self.heading) - self.sine * range).min(self.max_range_m - range)
     }
 
     fn of(&self, satellite: &Vector3<f64>, velocity: &Vector3<f64>) -> ValueAndSlope {
         let away = sub(satellite, &self.position);
         let range = norm(&away);
-        ValueAndSlope {
+        let range_rate = dot(&away, velocity) / range;
+        let by_elevation = ValueAndSlope {
             value: dot(&away, &self.heading) - self.sine * range,
-            slope: dot(velocity, &self.heading) - self.sine * dot(&away, velocity) / range,
-        }
+            slope: dot(velocity, &self.heading) - self.sine * range_rate,
+        };
+        let by_range = ValueAndSlope { value: self.max_range_m - range, slope: -range_rate };
+        if by_range.value < by_elevation.value { by_range } else { by_elevation }
     }
 
     /// The excess at a node.

@@ -23,16 +23,34 @@ const TOGETHER: usize = 16;
 /// Unit vectors of [`TOGETHER`] locations by component; unused ones are NaN.
 type Headings = [[f64; TOGETHER]; 3];
 
-/// Locations on the ground with the same minimum elevation.
+/// Locations on the ground.
 #[derive(Debug, PartialEq)]
 pub struct Locations {
     positions: Vec<Vector3<f64>>,
     headings: Vec<Headings>,
+    /// The least of the minimum elevations.
+    min_elevation_rad: f64,
+    /// Limits of each location, or one for all.
+    limits: Vec<AccessLimit>,
+    /// Least distance of the locations from the Earth's centre, m.
+    min_radius_m: f64,
+}
+
+/// Limits of the access of a location.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AccessLimit {
     min_elevation_rad: f64,
     /// Sine of the minimum elevation.
     sine: f64,
-    /// Least distance of the locations from the Earth's centre, m.
-    min_radius_m: f64,
+    max_range_m: f64,
+}
+
+impl AccessLimit {
+    /// Creates limits of the elevation, rad, and of the range, m, which may be infinite.
+    #[must_use]
+    pub fn new(min_elevation_rad: f64, max_range_m: f64) -> Self {
+        Self { min_elevation_rad, sine: libm::sin(min_elevation_rad), max_range_m }
+    }
 }
 
 /// Locations and the windows in which they see one satellite.
@@ -58,9 +76,15 @@ pub struct AccessWindow {
 }
 
 impl Locations {
-    /// Creates locations at planet-fixed positions, m.
+    /// Creates locations at planet-fixed positions, m, with the same minimum elevation.
     #[must_use]
     pub fn new(positions: Vec<Vector3<f64>>, min_elevation_rad: f64) -> Self {
+        Self::with_limits(positions, vec![AccessLimit::new(min_elevation_rad, f64::INFINITY)])
+    }
+
+    /// Creates locations at planet-fixed positions, m, with the limits of each, or with one for all.
+    #[must_use]
+    pub fn with_limits(positions: Vec<Vector3<f64>>, limits: Vec<AccessLimit>) -> Self {
         let mut headings = vec![[[f64::NAN; TOGETHER]; 3]; positions.len().div_ceil(TOGETHER)];
         let mut min_radius_m = f64::INFINITY;
         for (index, position) in positions.iter().enumerate() {
@@ -70,14 +94,20 @@ impl Locations {
                 component[index % TOGETHER] = x / radius;
             }
         }
-        let sine = libm::sin(min_elevation_rad);
-        Self { positions, headings, min_elevation_rad, sine, min_radius_m }
+        let elevations = limits.iter().map(|limit| limit.min_elevation_rad);
+        let min_elevation_rad = elevations.fold(std::f64::consts::FRAC_PI_2, f64::min);
+        Self { positions, headings, min_elevation_rad, limits, min_radius_m }
     }
 
-    /// Minimum elevation of access, rad.
+    /// The least minimum elevation of access, rad.
     #[must_use]
     pub const fn min_elevation_rad(&self) -> f64 {
         self.min_elevation_rad
+    }
+
+    /// Limits of a location.
+    fn limit(&self, location: usize) -> &AccessLimit {
+        self.limits.get(location).unwrap_or(&self.limits[0])
     }
 
     /// Cosine of the largest central angle at a node from which an arc can reach the minimum elevation.
@@ -97,10 +127,12 @@ impl Locations {
     /// Excess of the elevation of a satellite at a position.
     fn elevation_excess(&self, location: usize) -> ElevationExcess {
         let heading = &self.headings[location / TOGETHER];
+        let limit = self.limit(location);
         ElevationExcess {
             position: self.positions[location],
             heading: [0, 1, 2].map(|i| heading[i][location % TOGETHER]),
-            sine: self.sine,
+            sine: limit.sine,
+            max_range_m: limit.max_range_m,
         }
     }
 }
@@ -131,10 +163,10 @@ impl LocationSet {
         &self.locations.positions[location]
     }
 
-    /// Minimum elevation of access, rad.
+    /// Minimum elevation of the access of a location, rad.
     #[must_use]
-    pub fn min_elevation_rad(&self) -> f64 {
-        self.locations.min_elevation_rad
+    pub fn min_elevation_rad(&self, location: usize) -> f64 {
+        self.locations.limit(location).min_elevation_rad
     }
 
     /// Windows that closed within the searched time, in the order of closing arcs.

@@ -6,6 +6,6 @@ pub mod ground_track;
 pub mod opportunities;
 pub mod search_error;
 
-pub use self::finder::{AccessWindow, LocationSet, Locations};
+pub use self::finder::{AccessLimit, AccessWindow, LocationSet, Locations};
 pub use self::ground_track::GroundTrack;
 pub use self::opportunities::{Opportunity, OpportunityKind, OpportunityList};

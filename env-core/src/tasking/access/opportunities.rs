@@ -158,7 +158,7 @@ impl SearchBlock<'_> {
         let at = |sample: usize| self.track.position(self.start_s + sample as f64 * SAMPLE_S);
         let highest =
             *self.highest_m.get_or_init(|| (0..=samples).map(|sample| norm(&at(sample))).fold(0.0, f64::max));
-        let near = NEAR_FACTOR * (highest - norm(object)) / libm::sin(set.min_elevation_rad());
+        let near = NEAR_FACTOR * (highest - norm(object)) / libm::sin(set.min_elevation_rad(window.location));
         let opening = ((window.open_s - self.start_s) / SAMPLE_S).ceil() as usize;
         (1..=opening.clamp(1, samples)).all(|sample| norm(&sub(&at(sample), object)) < near)
     }

@@ -78,18 +78,21 @@ fn read_stations(world: &Value) -> ReadResult<Vec<GroundStation>> {
     if world.get("groundStationsData").is_none() {
         return Ok(Vec::new());
     }
-    let radius = number_of(world, "groundLocationPlanetRadius")?;
     list_of(world, "groundStationsData")?
         .iter()
         .map(|station| {
             let degrees = [number_of(station, "lat")?, number_of(station, "long")?];
             let height = station.get("elev").map_or(Ok(0.0), number)?;
             let name = station.get("name").and_then(Value::as_str).unwrap_or_default();
-            let station = GroundStation::at(name, degrees, height, radius);
+            // A station may have values of its own; BSK-RL takes 0 for none.
+            let own = |name: &str| match station.get(name).map(number).transpose()? {
+                Some(value) if value != 0.0 => Ok(value),
+                _ => number_of(world, name),
+            };
             Ok(GroundStation {
-                min_elevation_rad: number_of(world, "gsMinimumElevation")?,
-                max_range_m: number_of(world, "gsMaximumRange")?,
-                ..station
+                min_elevation_rad: own("gsMinimumElevation")?,
+                max_range_m: own("gsMaximumRange")?,
+                ..GroundStation::at(name, degrees, height, own("groundLocationPlanetRadius")?)
             })
         })
         .collect()

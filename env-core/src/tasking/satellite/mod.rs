@@ -243,11 +243,6 @@ impl TaskedSatellite {
         self.orbit.arc(time).velocity(time)
     }
 
-    /// The ground stations that receive data.
-    pub(crate) const fn stations(&self) -> &LocationSet {
-        &self.stations
-    }
-
     /// The ground stations with their windows up to a time, s.
     pub(crate) fn stations_to(&mut self, seconds: f64, sky: &mut Sky) -> &LocationSet {
         self.track.extend_to(seconds, &mut self.orbit, sky);

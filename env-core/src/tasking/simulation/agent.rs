@@ -73,7 +73,7 @@ impl Agent {
     pub(super) fn new(
         setup: AgentSetup,
         satellite: TaskedSatellite,
-        targets: LocationSet,
+        [targets, stations]: [LocationSet; 2],
         time_limit_s: f64,
         hides_imaged: bool,
     ) -> Self {
@@ -82,14 +82,13 @@ impl Agent {
             times.initial_s.unwrap_or(limit)
         });
         let count = targets.len();
-        let satellite_stations = satellite.stations().clone();
         let [stored, other] = satellite.stored();
         Self {
             setup,
             satellite,
             opportunities: OpportunityList::default(),
             targets,
-            stations: satellite_stations,
+            stations,
             search_track: GroundTrack::searched(),
             eclipses: EclipseForecast::default(),
             initial_s,

@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 use self::agent::{ActionKey, Agent};
 use self::target_set::TargetSet;
-use super::access::{LocationSet, Locations, Opportunity, OpportunityList};
+use super::access::{AccessLimit, LocationSet, Locations, Opportunity, OpportunityList};
 use super::error::TaskingError;
 use super::orbit::Sky;
 use super::satellite::{Environment, TaskedSatellite};
@@ -84,8 +84,11 @@ impl TaskingSim {
         let hides_imaged = setup.rewarders == [Rewarder::UniqueImages];
         let mut agents = Vec::with_capacity(setup.agents.len());
         let has_stations = setup.agents.iter().any(|agent| agent.satellite.dynamics.ground_stations);
-        let stations = Arc::new(station_locations(if has_stations { &setup.stations } else { &[] })?);
-        let no_stations = Arc::new(Locations::new(Vec::new(), 0.0));
+        let listed = if has_stations { &setup.stations[..] } else { &[] };
+        // The ranges limit the data link; the opportunities of BSK-RL do not know them.
+        let [stations, searched] =
+            [true, false].map(|has_ranges| Arc::new(station_locations(listed, has_ranges)));
+        let no_stations = Arc::new(station_locations(&[], false));
         let mut shared: Option<Arc<Locations>> = None;
         for agent in setup.agents {
             let spec = agent.satellite.clone();
@@ -95,10 +98,12 @@ impl TaskingSim {
                 _ => Arc::new(Locations::new(positions.clone(), min_elevation)),
             };
             shared = Some(Arc::clone(&targets));
-            let stations = if spec.dynamics.ground_stations { &stations } else { &no_stations };
-            let stations = LocationSet::new(Arc::clone(stations));
-            let satellite = TaskedSatellite::new(spec, environment, stations, &sky);
-            agents.push(Agent::new(agent, satellite, LocationSet::new(targets), time_limit_s, hides_imaged));
+            let [linked, searched] =
+                if spec.dynamics.ground_stations { [&stations, &searched] } else { [&no_stations; 2] };
+            let satellite =
+                TaskedSatellite::new(spec, environment, LocationSet::new(Arc::clone(linked)), &sky);
+            let places = [LocationSet::new(targets), LocationSet::new(Arc::clone(searched))];
+            agents.push(Agent::new(agent, satellite, places, time_limit_s, hides_imaged));
         }
         let mut sim = Self {
             rewarded: TargetSet::new(positions.len()),
@@ -262,16 +267,17 @@ impl TaskingSim {
     }
 }
 
-/// Locations of ground stations. All must have the same minimum elevation and no limit of range.
-fn station_locations(stations: &[GroundStation]) -> Result<Locations, TaskingError> {
-    let elevation = stations.first().map_or(0.0, |station| station.min_elevation_rad);
-    for station in stations {
-        if station.min_elevation_rad != elevation || station.max_range_m >= 0.0 {
-            return Err(TaskingError::NotSupported(format!(
-                "a minimum elevation or largest range of its own for ground station {}",
-                station.name
-            )));
-        }
-    }
-    Ok(Locations::new(stations.iter().map(|station| station.position).collect(), elevation))
+/// Locations of ground stations with their minimum elevations, and with their largest ranges if `has_ranges`.
+fn station_locations(stations: &[GroundStation], has_ranges: bool) -> Locations {
+    let limit = |station: &GroundStation| {
+        let is_limited = has_ranges && station.max_range_m >= 0.0;
+        AccessLimit::new(
+            station.min_elevation_rad,
+            if is_limited { station.max_range_m } else { f64::INFINITY },
+        )
+    };
+    Locations::with_limits(
+        stations.iter().map(|station| station.position).collect(),
+        stations.iter().map(limit).collect(),
+    )
 }

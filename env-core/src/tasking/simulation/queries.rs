@@ -5,7 +5,7 @@ use crate::tasking::access::{Opportunity, OpportunityKind};
 use crate::tasking::observation::eclipse::NO_ECLIPSE;
 use crate::tasking::observation::opportunity::angle_to;
 use crate::tasking::observation::view::Moment;
-use crate::tasking::vector3::{Vector3, rotate};
+use crate::tasking::vector3::{Matrix3, Vector3, rotate};
 
 impl TaskingSim {
     /// Makes a missing opportunity no error: an action that needs one lets the satellite go on, and an observation has the end of the
@@ -47,8 +47,19 @@ impl TaskingSim {
     /// Position of a satellite in the planet-fixed frame, m.
     #[must_use]
     pub fn planet_position(&self, index: usize) -> Vector3<f64> {
-        let matrix = self.sky.earth(self.time_s()).planet_from_inertial();
-        rotate(&matrix, &self.agents[index].satellite.state.position)
+        rotate(&self.planet_from_inertial(), &self.agents[index].satellite.state.position)
+    }
+
+    /// Rotation from the inertial to the planet-fixed frame.
+    #[must_use]
+    pub fn planet_from_inertial(&self) -> Matrix3<f64> {
+        self.sky.earth(self.time_s()).planet_from_inertial()
+    }
+
+    /// Position of the Sun relative to the Earth in the inertial frame, m.
+    #[must_use]
+    pub fn sun_position(&self) -> Vector3<f64> {
+        self.sky.sun(self.time_s())
     }
 
     /// Memory of the episode, about, in bytes.

@@ -4,6 +4,8 @@ use std::any::Any;
 
 use serde_json::Value;
 
+use super::map::EpisodeMap;
+use super::motion::StepMotion;
 use super::run::TaskRun;
 use super::task_setup::TaskSetup;
 use super::telemetry::TaskingTelemetry;
@@ -16,20 +18,25 @@ use crate::task::{AgentReport, Episode, Scenario, StepReport};
 pub(super) struct TaskingEpisode {
     run: TaskRun,
     telemetry: TaskingTelemetry,
+    /// Motion within the last step, if it is recorded.
+    motion: Option<StepMotion>,
 }
 
 impl TaskingEpisode {
     pub(super) fn start(scenario: &Scenario) -> Result<Self, ScenarioError> {
         let mut run = TaskRun::start(TaskSetup::read(scenario.recipe())?, scenario.seed())?;
         let telemetry = run.telemetry();
-        Ok(Self { run, telemetry })
+        Ok(Self { run, telemetry, motion: None })
     }
 }
 
 impl Episode for TaskingEpisode {
     fn step(&mut self, action: JointAction<'_>, report: &mut StepReport) -> Result<(), StepError> {
         let actions = self.run.read_actions(action)?;
-        self.run.step(&actions);
+        match &mut self.motion {
+            Some(motion) => self.run.step_sampled(&actions, motion),
+            None => self.run.step(&actions),
+        }
         self.telemetry = self.run.telemetry();
         let last = self.run.last_step();
         report.agents.clear();
@@ -80,9 +87,20 @@ impl Episode for TaskingEpisode {
         self.run.last_step().reward
     }
 
-    /// Equals the telemetry, since nothing is hidden in this world.
+    fn record_motion(&mut self) {
+        self.motion = Some(StepMotion::at_start(&self.run.sim));
+    }
+
+    /// The telemetry with the map of the episode, which contains the motion if it is recorded.
     fn truth(&self) -> Value {
-        self.telemetry()
+        let mut value = self.telemetry();
+        let motion = self.motion.clone().unwrap_or_else(|| StepMotion::at_start(&self.run.sim));
+        if let (Some(fields), Ok(map)) =
+            (value.as_object_mut(), serde_json::to_value(EpisodeMap::new(&self.run, motion)))
+        {
+            fields.insert("map".to_owned(), map);
+        }
+        value
     }
 
     fn outcome(&self) -> EpisodeOutcome {

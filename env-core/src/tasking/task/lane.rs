@@ -76,7 +76,7 @@ struct TaskingLane {
 
 impl TaskingLane {
     /// Actions of the simulation by the indices of all agents.
-    fn choose(&self, actions: &[f32]) -> Vec<Option<AgentAction>> {
+    fn choose(&mut self, actions: &[f32]) -> Vec<Option<AgentAction>> {
         self.run.choose(|agent| {
             let action = actions.get(agent).copied().unwrap_or(ActionSpace::GO_ON);
             (action >= 0.0).then_some(action as usize)
@@ -137,7 +137,7 @@ impl BatchLane for TaskingLane {
         Self: 'a,
     {
         let mut steps: Vec<_> = steps.collect();
-        let actions: Vec<_> = steps.iter().map(|(step, _)| step.lane.choose(step.actions)).collect();
+        let actions: Vec<_> = steps.iter_mut().map(|(step, _)| step.lane.choose(step.actions)).collect();
         let mut sims: Vec<_> = steps.iter_mut().map(|(step, _)| &mut step.lane.run.sim).collect();
         let results = step_all(&mut sims, &actions, InstructionSet::detect());
         for ((LaneStep { lane, actions, out }, value), result) in steps.into_iter().zip(results) {

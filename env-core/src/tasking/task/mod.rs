@@ -1,14 +1,16 @@
 //! The tasks of the world: scenarios with params and levels, scores, policies and brackets.
 //!
-//! They are not in the registry of worlds yet: critiques, designs and views are missing. Start reading at [`TaskingTask`] for how a
-//! task is used, and at [`run`] for the rules of an episode.
+//! Start reading at [`TaskingTask`] for how a task is used, and at [`run`] for the rules of an episode.
 
 mod blind;
 mod bracket;
+mod coastline;
 mod codec;
 mod critique;
 mod episode;
 mod lane;
+pub mod map;
+pub mod motion;
 mod policies;
 mod rule;
 mod run;
@@ -26,6 +28,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use self::episode::TaskingEpisode;
+pub use self::spaces::{IMAGE_ACTIONS, IMAGING_ACTION_NAMES, MAX_SATELLITES, SCANNING_ACTION_NAMES};
 use self::task_setup::TaskSetup;
 use super::WORLD_ID;
 use crate::batch::{Batch, BatchConfig, BatchError, ScenarioSource};

@@ -1,5 +1,6 @@
 //! An episode of a task: the simulation with the rules of scores and ends.
 
+use super::motion::StepMotion;
 use super::task_setup::TaskSetup;
 use crate::bracket::EpisodeOutcome;
 use crate::episode_rng::SeededRng;
@@ -25,6 +26,8 @@ pub(super) struct TaskRun {
     total: f64,
     is_truncated: bool,
     last: LastStep,
+    /// Index of the last action of each agent.
+    current: Vec<Option<usize>>,
 }
 
 /// Result of the last step.
@@ -40,6 +43,10 @@ pub(super) struct LastStep {
     pub(super) elapsed_s: f64,
     /// Names of the checks that failed for agents that died in the step.
     pub(super) deaths: Vec<(usize, String)>,
+    /// Images as pairs of agent and target.
+    pub(super) imaged: Vec<[usize; 2]>,
+    /// Pairs of agents that shared data at the end of the step.
+    pub(super) links: Vec<[usize; 2]>,
 }
 
 impl TaskRun {
@@ -64,6 +71,7 @@ impl TaskRun {
             dead: vec![false; count],
             total: 0.0,
             is_truncated: false,
+            current: vec![None; count],
             last: LastStep {
                 rewards: vec![0.0; count],
                 were_alive: vec![true; count],
@@ -100,15 +108,22 @@ impl TaskRun {
     /// Actions of the simulation by the index of each agent's action; `None` lets an agent go on. Actions of dead agents are left
     /// out, and those of busy ones unless the option lets them count.
     pub(super) fn choose(
-        &self,
+        &mut self,
         mut index_of: impl FnMut(usize) -> Option<usize>,
     ) -> Vec<Option<AgentAction>> {
         (0..self.sim.len())
             .map(|agent| {
                 let accepts = !self.dead[agent] && (self.setup.retasks_busy || self.sim.needs_action(agent));
-                index_of(agent).filter(|_| accepts).map(AgentAction::Index)
+                let index = index_of(agent).filter(|_| accepts);
+                self.current[agent] = index.or(self.current[agent]);
+                index.map(AgentAction::Index)
             })
             .collect()
+    }
+
+    /// Index of the last action of an agent; `None` before the first.
+    pub(super) fn current_action(&self, agent: usize) -> Option<usize> {
+        self.current[agent]
     }
 
     /// Actions of the simulation by the entries of a step.
@@ -116,7 +131,7 @@ impl TaskRun {
     /// # Errors
     /// Returns an error if the episode is over, or an entry is not an action of this task.
     pub(super) fn read_actions(
-        &self,
+        &mut self,
         action: JointAction<'_>,
     ) -> Result<Vec<Option<AgentAction>>, StepError> {
         if self.is_done() {
@@ -138,6 +153,15 @@ impl TaskRun {
     /// Runs one step with these actions.
     pub(super) fn step(&mut self, actions: &[Option<AgentAction>]) {
         let result = self.sim.step(actions, InstructionSet::detect());
+        self.finish_step(result);
+    }
+
+    /// Runs one step with these actions, and samples the motion within it.
+    pub(super) fn step_sampled(&mut self, actions: &[Option<AgentAction>], motion: &mut StepMotion) {
+        motion.clear();
+        let start_s = self.sim.time_s();
+        let result = self.sim.step_traced(actions, &mut |sim| motion.sample(sim, start_s));
+        motion.finish(&self.sim);
         self.finish_step(result);
     }
 
@@ -169,6 +193,11 @@ impl TaskRun {
                 self.last.deaths.push((agent, self.sim.satellite(agent).failures().join(", ")));
             }
         }
+        let images = result.imaged.iter().enumerate().filter_map(|(agent, target)| Some([agent, (*target)?]));
+        self.last.imaged.clear();
+        self.last.imaged.extend(images);
+        self.last.links.clear();
+        self.last.links.extend_from_slice(&result.pairs);
         self.total += self.last.reward;
         self.is_truncated = result.truncated;
     }

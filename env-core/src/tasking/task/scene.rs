@@ -1,9 +1,10 @@
 //! Scene of an episode: a map of longitude and latitude with satellites, stations and upcoming targets.
 
+use super::coastline::COASTLINE;
+use super::motion::place;
 use super::run::TaskRun;
 use crate::scene::{Point, Primitive, Scene, Style, View};
 use crate::tasking::access::OpportunityKind;
-use crate::tasking::vector3::{Vector3, norm};
 
 /// Largest longitude of the map, degrees.
 const HALF_WIDTH_DEG: f64 = 180.0;
@@ -17,7 +18,8 @@ const TARGETS: usize = 10;
 /// Builds the scene of a moment.
 pub(super) fn build_scene(run: &TaskRun) -> Scene {
     let sim = &run.sim;
-    let mut primitives = vec![
+    let mut primitives: Vec<_> = COASTLINE.iter().map(|line| path(line.clone())).collect();
+    primitives.extend([
         path(vec![(-HALF_WIDTH_DEG, 0.0), (HALF_WIDTH_DEG, 0.0)]),
         path(vec![
             (-HALF_WIDTH_DEG, -90.0),
@@ -26,7 +28,7 @@ pub(super) fn build_scene(run: &TaskRun) -> Scene {
             (-HALF_WIDTH_DEG, 90.0),
             (-HALF_WIDTH_DEG, -90.0),
         ]),
-    ];
+    ]);
     for station in sim.stations() {
         primitives.push(Primitive::Ring {
             at: place(&station.position),
@@ -57,13 +59,6 @@ pub(super) fn build_scene(run: &TaskRun) -> Scene {
 
 fn path(points: Vec<Point>) -> Primitive {
     Primitive::Path { points, style: Style::Guide }
-}
-
-/// Longitude and latitude of a planet-fixed position, degrees.
-fn place(position: &Vector3<f64>) -> Point {
-    let longitude = libm::atan2(position[1], position[0]);
-    let latitude = libm::asin((position[2] / norm(position)).clamp(-1.0, 1.0));
-    (longitude.to_degrees(), latitude.to_degrees())
 }
 
 fn status_lines(run: &TaskRun) -> Vec<String> {

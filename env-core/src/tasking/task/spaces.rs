@@ -4,14 +4,14 @@ use std::sync::LazyLock;
 
 use crate::space::{ActionSpace, Harder, Levels, OptionSpec, ParamSpec};
 
-/// Number of opportunities that an imager observes and can image.
-pub(super) const TARGETS_AHEAD: usize = 10;
-
-/// Actions of the task `tasking/scanning`.
-pub(super) const SCANNING_ACTIONS: ActionSpace =
-    ActionSpace::discrete(&["scan", "charge", "downlink", "desaturate"]);
-/// Actions of `tasking/imaging` and `tasking/constellation`.
-pub(super) const IMAGING_ACTIONS: ActionSpace = ActionSpace::discrete(&[
+/// Number of targets that an imager observes and can image: the first actions of tasks with targets.
+pub const IMAGE_ACTIONS: usize = 10;
+/// Largest number of satellites.
+pub const MAX_SATELLITES: u32 = 8;
+/// Names of the actions of `tasking/scanning`, by index.
+pub const SCANNING_ACTION_NAMES: &[&str] = &["scan", "charge", "downlink", "desaturate"];
+/// Names of the actions of `tasking/imaging` and `tasking/constellation`, by index.
+pub const IMAGING_ACTION_NAMES: &[&str] = &[
     "image_0",
     "image_1",
     "image_2",
@@ -25,7 +25,12 @@ pub(super) const IMAGING_ACTIONS: ActionSpace = ActionSpace::discrete(&[
     "charge",
     "downlink",
     "desaturate",
-]);
+];
+
+/// Actions of the task `tasking/scanning`.
+pub(super) const SCANNING_ACTIONS: ActionSpace = ActionSpace::discrete(SCANNING_ACTION_NAMES);
+/// Actions of `tasking/imaging` and `tasking/constellation`.
+pub(super) const IMAGING_ACTIONS: ActionSpace = ActionSpace::discrete(IMAGING_ACTION_NAMES);
 
 const fn param(
     name: &'static str,
@@ -195,7 +200,7 @@ pub(super) static CONSTELLATION_SPACE: [ParamSpec; 14] = [
     whole(
         "satellites",
         "",
-        [1.0, 8.0, 1.0],
+        [1.0, MAX_SATELLITES as f64, 1.0],
         3.0,
         Harder::Up,
         "satellites, each an agent, on one orbit at 800 km with an inclination of 60°",

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use serde::{Deserialize, Serialize};
 
 use super::run::TaskRun;
-use super::spaces::TARGETS_AHEAD;
+use super::spaces::IMAGE_ACTIONS;
 use crate::tasking::access::OpportunityKind;
 use crate::tasking::observation::property::Property;
 
@@ -47,6 +47,8 @@ pub struct TaskedSatelliteTelemetry {
     pub alive: bool,
     /// True if the satellite needs an action; false while it is busy.
     pub needs_action: bool,
+    /// Name of the last action; none before the first.
+    pub action: Option<Cow<'static, str>>,
     /// Charge as a share of the battery's capacity.
     pub battery: f64,
     /// Data as a share of the storage's capacity.
@@ -130,7 +132,7 @@ impl TaskRun {
         let targets = if self.sim.targets().is_empty() {
             Vec::new()
         } else {
-            self.sim.next_windows(index, OpportunityKind::Target, TARGETS_AHEAD)
+            self.sim.next_windows(index, OpportunityKind::Target, IMAGE_ACTIONS)
         };
         let left = self.sim.time_limit_s() - now;
         let [open, close] =
@@ -148,6 +150,9 @@ impl TaskRun {
             id: index as u32,
             alive: !self.is_dead(index),
             needs_action: self.needs_action(index),
+            action: self
+                .current_action(index)
+                .and_then(|action| Some(Cow::Borrowed(*self.action_names().get(action)?))),
             battery: value(0),
             storage: value(1),
             wheels: [value(2), value(3), value(4)],

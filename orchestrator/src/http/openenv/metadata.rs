@@ -28,7 +28,7 @@ pub(super) async fn web_metadata() -> axum::Json<Value> {
 fn metadata_value(name: &str) -> Value {
     json!({
         "name": name,
-        "description": "Sparring: satellites through debris, or to a docking; with seeds, a choice of task, and a curriculum",
+        "description": "Sparring: satellites that avoid debris, dock, or observe the Earth; with seeds, a choice of task, and a curriculum",
         "readme_content": null,
         "version": env!("CARGO_PKG_VERSION"),
         "author": null,
@@ -40,7 +40,7 @@ fn metadata_value(name: &str) -> Value {
 #[derive(Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 pub(super) struct SchemaQuery {
-    /// Id of the task (default: kessler/survival); tasks of one world have the same action and observation.
+    /// Id of the task (default: kessler/survival). Tasks of kessler, and those of docking, share the action and the observation.
     task: Option<String>,
 }
 
@@ -95,7 +95,7 @@ pub(super) async fn get_manifest() -> axum::Json<Value> {
     axum::Json(json!({
         "name": "Sparring",
         "short_name": "Sparring",
-        "description": "Satellites through debris, or to a docking",
+        "description": "Satellites that avoid debris, dock, or observe the Earth",
         "start_url": "/web",
         "display": "standalone",
         "background_color": "#0f0f1a",

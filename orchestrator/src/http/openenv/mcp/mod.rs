@@ -85,8 +85,8 @@ fn server_info(params: &Map<String, Value>) -> Value {
         "protocolVersion": known.unwrap_or(PROTOCOL_VERSIONS[0]),
         "capabilities": {"tools": {}},
         "serverInfo": {"name": "sparring", "title": "Sparring", "version": env!("CARGO_PKG_VERSION")},
-        "instructions": "You operate satellites in a simulation. Read the mission and the state with `telemetry`, act with \
-                         `fire_thrusters`, and let time pass with `hold`, until `done` is true.",
+        "instructions": "You operate satellites in a simulation. Read the mission and the state with `telemetry`, act with the \
+                         tools that tools/list describes, and let time pass with `hold`, until `done` is true.",
     })
 }
 

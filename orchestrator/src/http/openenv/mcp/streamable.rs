@@ -151,7 +151,7 @@ fn is_valid_call(message: &Value) -> bool {
         let tool = request.params.get("name").and_then(Value::as_str);
         request.method == "tools/call"
             && !request.params.contains_key("session_id")
-            && tool.is_some_and(|tool| tools::NAMES.contains(&tool))
+            && tool.is_some_and(tools::is_tool)
     })
 }
 

@@ -10,23 +10,31 @@ use super::super::tasks::{RESET_ORDER, built_in_task};
 use super::rpc::RpcError;
 use crate::sessions::{Session, SessionError};
 
-/// Names of all tools.
-pub(super) const NAMES: [&str; 4] = ["fire_thrusters", "hold", "telemetry", "conjunctions"];
+const HOLD: &str = "hold";
+const TELEMETRY: &str = "telemetry";
+const CONJUNCTIONS: &str = "conjunctions";
 /// Maximum number of steps that one call of `hold` waits.
 const MAX_HOLD_STEPS: u64 = 1000;
 
 /// Returns the tools of a session.
 pub(super) fn session_tools(session: &Session) -> Value {
+    task_tools(session_task(session))
+}
+
+/// Returns the task of a session's episode, or of the episode that a call would begin.
+fn session_task(session: &Session) -> &'static dyn TaskSpec {
     let task = session.status().scenario.map(env_core::Scenario::task);
-    task_tools(task.unwrap_or_else(|| built_in_task(RESET_ORDER[0])))
+    task.unwrap_or_else(|| built_in_task(RESET_ORDER[0]))
+}
+
+/// Returns true if a task has a tool of that name.
+pub(super) fn is_tool(name: &str) -> bool {
+    let has_tool = |task| openenv_wire::wire_format(task).tools().iter().any(|tool| tool.name == name);
+    [HOLD, TELEMETRY, CONJUNCTIONS].contains(&name) || env_core::tasks().any(has_tool)
 }
 
 /// Returns the tools of a task.
 pub(super) fn task_tools(task: &'static dyn TaskSpec) -> Value {
-    let mut action = openenv_wire::wire_format(task).action_schema().clone();
-    if let Some(properties) = action.get_mut("properties").and_then(Value::as_object_mut) {
-        properties.remove("metadata");
-    }
     let nothing = json!({"type": "object", "properties": {}, "additionalProperties": false});
     let steps = json!({
         "type": "object",
@@ -37,23 +45,19 @@ pub(super) fn task_tools(task: &'static dyn TaskSpec) -> Value {
         "additionalProperties": false
     });
     let tool = |name: &str, about: &str, schema: &Value| json!({"name": name, "description": about, "inputSchema": schema, "input_schema": schema});
-    let mut tools = vec![
-        tool(
-            "fire_thrusters",
-            "Execute an action for one step. Returns the telemetry after the step.",
-            &action,
-        ),
-        tool(
-            "hold",
-            "Hold for some steps, without new actions. Returns the telemetry after the last step.",
-            &steps,
-        ),
-        tool("telemetry", "Return the current telemetry. No time passes.", &nothing),
-    ];
+    let actions = openenv_wire::wire_format(task).tools();
+    let mut tools: Vec<_> =
+        actions.iter().map(|action| tool(action.name, &action.description, &action.schema)).collect();
+    tools.push(tool(
+        HOLD,
+        "Hold for some steps, without new actions. Returns the telemetry after the last step.",
+        &steps,
+    ));
+    tools.push(tool(TELEMETRY, "Return the current telemetry. No time passes.", &nothing));
     if task.world().starts_with("kessler") {
         let about = "Predict the close passes of debris within 15 steps if no satellite burns: satellite, debris, time, \
                      miss distance, relative speed and probability of a collision. No time passes.";
-        tools.push(tool("conjunctions", about, &nothing));
+        tools.push(tool(CONJUNCTIONS, about, &nothing));
     }
     Value::Array(tools)
 }
@@ -65,10 +69,9 @@ pub(super) async fn call(
     arguments: Map<String, Value>,
 ) -> Result<Value, RpcError> {
     match name {
-        "fire_thrusters" => act(session, &Value::Object(arguments)).await,
-        "hold" => hold(session, &arguments).await,
-        "telemetry" => observe(session, &arguments),
-        "conjunctions" => {
+        HOLD => hold(session, &arguments).await,
+        TELEMETRY => observe(session, &arguments),
+        CONJUNCTIONS => {
             check_no_arguments(&arguments)?;
             let shown = session.view().map_err(|error| rpc_error(&error))?;
             let conjunctions = shown.episode.conjunctions();
@@ -76,10 +79,7 @@ pub(super) async fn call(
                 conjunctions.ok_or_else(|| RpcError::params("the world predicts no conjunctions"))?;
             Ok(json!({"conjunctions": conjunctions}))
         }
-        other => {
-            let other: String = other.chars().take(60).collect();
-            Err(RpcError::params(&format!("tool {other:?} does not exist; tools/list returns all tools")))
-        }
+        name => act(session, name, arguments).await,
     }
 }
 
@@ -98,8 +98,15 @@ pub(super) fn error_result(error: &RpcError) -> Value {
     json!({"content": [{"type": "text", "text": error.message()}], "isError": true})
 }
 
-async fn act(session: &mut Session, action: &Value) -> Result<Value, RpcError> {
-    session.step(action).await.map_err(|error| rpc_error(&error))?;
+/// Calls a tool that executes an action.
+async fn act(session: &mut Session, name: &str, arguments: Map<String, Value>) -> Result<Value, RpcError> {
+    let format = openenv_wire::wire_format(session_task(session));
+    let Some(tool) = format.tools().iter().find(|tool| tool.name == name) else {
+        let name: String = name.chars().take(60).collect();
+        return Err(RpcError::params(&format!("tool {name:?} does not exist; tools/list returns all tools")));
+    };
+    let action = format.tool_action(tool, arguments).map_err(|reason| RpcError::params(&reason))?;
+    session.step(&action).await.map_err(|error| rpc_error(&error))?;
     telemetry(session)
 }
 

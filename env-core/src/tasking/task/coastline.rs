@@ -1,0 +1,30 @@
+//! The coastline that maps draw. `scripts/coastline` writes the data from Natural Earth (public domain).
+
+use std::sync::LazyLock;
+
+use crate::scene::Point;
+
+const JSON: &str = include_str!("../data/coastline.json");
+
+/// Lines of longitude and latitude, degrees.
+pub(super) static COASTLINE: LazyLock<Vec<Vec<Point>>> = LazyLock::new(|| {
+    let lines: Vec<Vec<i32>> = serde_json::from_str(JSON).unwrap_or_default();
+    let degrees = |tenths: &[i32; 2]| (f64::from(tenths[0]) / 10.0, f64::from(tenths[1]) / 10.0);
+    lines.iter().map(|line| line.as_chunks::<2>().0.iter().map(degrees).collect()).collect()
+});
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coastline_is_on_the_map() {
+        assert!(COASTLINE.len() > 100);
+        for (longitude, latitude) in COASTLINE.iter().flatten() {
+            assert!(longitude.abs() <= 180.0 && latitude.abs() <= 90.0);
+        }
+        // The northernmost point of Africa is near Tunis.
+        let is_near = |point: &Point| (point.0 - 10.0).abs() < 1.5 && (point.1 - 37.3).abs() < 1.0;
+        assert!(COASTLINE.iter().flatten().any(is_near));
+    }
+}
