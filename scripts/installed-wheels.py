@@ -35,6 +35,9 @@ GOLDEN = {
     "kessler/formation": "3f2863d9cca25743",
     "kessler/rendezvous": "e5d8dc74172d4e1f",
     "kessler/survival": "c8ef29498c70b099",
+    "tasking/constellation": "2aded4c97aca9417",
+    "tasking/imaging": "d11601d3ee27d573",
+    "tasking/scanning": "cd70074a3c3e4af5",
 }
 SETTINGS = {"tasks": ["kessler/survival"], "placement": False, "design": {"designer": "off"}, "group_size": 4}
 STEPS = 120
@@ -73,7 +76,11 @@ def step_with_fixed_actions(task):
     digest.update(np.ascontiguousarray(observations).tobytes())
     size = int(np.prod(envs.action_space.shape))
     for step in range(STEPS):
-        actions = ((np.arange(size) * 37 + step * 11) % 201 - 100).astype(np.float32) / np.float32(100)
+        numbers = np.arange(size) * 37 + step * 11
+        if isinstance(envs.single_action_space, gymnasium.spaces.MultiDiscrete):
+            actions = numbers % envs.single_action_space.nvec[0]
+        else:
+            actions = (numbers % 201 - 100).astype(np.float32) / np.float32(100)
         for part in envs.step(actions.reshape(envs.action_space.shape))[:4]:
             digest.update(np.ascontiguousarray(part).tobytes())
     envs.close()

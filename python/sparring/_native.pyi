@@ -114,6 +114,12 @@ class NativeBatch:
 
         Returns these four arrays and whether any episode ended.
         """
+    def step_times(self, /) -> "tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.bool_]]":
+        """
+        Returns the duration of the last step of each environment, s, and which agents need an action in the next one.
+
+        Durations are 0 after a reset.
+        """
     def telemetry(self, /, env: SupportsIndex) -> str | None:
         """
         Returns the observation of an environment's agents in the wire form (JSON).

@@ -40,7 +40,40 @@ def short_episode_params(task):
     """Returns params with which some episodes end early, so that tests see resets."""
     if task.startswith("docking"):
         return {"start_radius": 10.0, "time_limit_s": 60.0}
+    if task == "tasking/scanning":
+        return {"time_limit_s": 1200.0}
+    if task.startswith("tasking"):
+        return {"time_limit_s": 1200.0, "targets": 100.0}
     return {"debris": 120.0, "spread": 1.0}
 
 
-__all__ = ["BINARY", "bitwise_equal", "gymnasium", "needs_server", "short_episode_params"]
+def random_actions(space, rng, envs, scale=0.3):
+    """Returns small random actions of a single environment's space for some environments, as float32 or integers."""
+    if isinstance(space, gymnasium.spaces.MultiDiscrete):
+        return rng.integers(0, space.nvec, (envs, *space.shape))
+    if isinstance(space, gymnasium.spaces.Discrete):
+        return rng.integers(0, space.n, envs)
+    return rng.uniform(-scale, scale, (envs, *space.shape)).astype(np.float32)
+
+
+def hold_action(space):
+    """Returns the action of one agent that holds."""
+    return np.zeros_like(space.low) if isinstance(space, gymnasium.spaces.Box) else -1
+
+
+def skip_continuous_of_named_actions(task, actions):
+    """Skips a test of continuous actions of a task that has named ones only."""
+    if actions == "continuous" and sparring.task(task).action_names:
+        pytest.skip("the actions of tasking have names")
+
+
+__all__ = [
+    "BINARY",
+    "bitwise_equal",
+    "gymnasium",
+    "hold_action",
+    "needs_server",
+    "random_actions",
+    "short_episode_params",
+    "skip_continuous_of_named_actions",
+]

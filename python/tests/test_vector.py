@@ -6,7 +6,7 @@ import os
 import gymnasium
 import numpy as np
 import pytest
-from conftest import bitwise_equal, short_episode_params
+from conftest import bitwise_equal, random_actions, short_episode_params
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import sparring
@@ -79,7 +79,7 @@ def test_results_do_not_depend_on_batch_size_and_threads(task):
         rng = np.random.default_rng(9)
         rows = []
         for _ in range(120):
-            actions = rng.uniform(-0.3, 0.3, (256, *batch.single_action_space.shape)).astype(np.float32)[:envs]
+            actions = random_actions(batch.single_action_space, rng, 256)[:envs]
             observations, rewards, terminations, truncations, _ = batch.step(actions)
             rows.append((observations[:7], rewards[:7], terminations[:7], truncations[:7]))
         return rows, [batch.state_hash(env) for env in range(7)]

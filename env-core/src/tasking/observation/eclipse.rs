@@ -25,6 +25,8 @@ pub struct EclipseForecast {
     ends: Vec<f64>,
     /// Samples up to this time are not searched again, s.
     searched_s: f64,
+    /// End of the first search, s, if the ends of searches do not depend on the times at which eclipses are asked for.
+    first_search_s: Option<f64>,
 }
 
 impl EclipseForecast {
@@ -48,15 +50,29 @@ impl EclipseForecast {
         }
     }
 
+    /// Makes the times of eclipses independent of when they are asked for, unlike in BSK-RL: the first search ends at a time, s.
+    pub const fn search_first_to(&mut self, seconds: f64) {
+        self.first_search_s = Some(seconds);
+    }
+
     /// Start and end of the next eclipse after a time, s; not necessarily of the same one.
     pub fn next(&mut self, now_s: f64, orbit: &mut Orbit, sky: &mut Sky) -> [f64; 2] {
-        for search in 0..SEARCHES {
+        let checks = SEARCHES + usize::from(self.first_search_s.is_some());
+        for search in 0..checks {
             // Searches overlap, so that the lists are not in order.
             let next = |times: &[f64]| times.iter().copied().find(|time| *time > now_s);
             if let (Some(start), Some(end)) = (next(&self.starts), next(&self.ends)) {
                 return [start, end];
             }
-            self.search(now_s + search as f64 * SEARCH_S, orbit, sky);
+            let until_s = match self.first_search_s {
+                None => now_s + search as f64 * SEARCH_S,
+                Some(first_s) if self.searched_s < first_s => first_s,
+                Some(first_s) if self.searched_s < first_s + (SEARCHES - 1) as f64 * SEARCH_S => {
+                    self.searched_s + SEARCH_S
+                }
+                Some(_) => break,
+            };
+            self.search(until_s, orbit, sky);
         }
         NO_ECLIPSE
     }

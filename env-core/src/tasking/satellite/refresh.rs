@@ -144,11 +144,10 @@ impl TaskedSatellite {
         self.fill_storage_room(block, lane);
     }
 
-    /// Basilisk's simple unit stays below its capacity, its partitioned one fills it.
+    /// Data may fill the storage, not exceed it.
     fn fill_storage_room<const W: usize>(&self, block: &mut Block<W>, lane: usize) {
         let capacity = self.spec.args.storage_capacity_bits.floor();
-        let limit = if self.spec.dynamics.continuous { capacity - 1.0 } else { capacity };
-        block.inputs.supply.storage_room[lane] = limit - self.initial_stored;
+        block.inputs.supply.storage_room[lane] = capacity - self.initial_stored;
     }
 
     fn fill_software<const W: usize>(&self, block: &mut Block<W>, lane: usize) {

@@ -8,10 +8,12 @@ use crate::tasking::observation::view::Moment;
 use crate::tasking::vector3::{Matrix3, Vector3, rotate};
 
 impl TaskingSim {
-    /// Makes a missing opportunity no error: an action that needs one lets the satellite go on, and an observation has the end of the
-    /// episode instead of its window.
-    pub const fn tolerate_missing_opportunities(&mut self) {
+    /// Makes observations independent of each other, and a missing opportunity no error: an action that needs one lets the satellite
+    /// go on, and an observation has the end of the episode instead of its window.
+    pub fn observe_independently(&mut self) {
         self.tolerates_missing = true;
+        let limit_s = self.time_limit_s();
+        self.agents.iter_mut().for_each(|agent| agent.eclipses.search_first_to(limit_s));
     }
 
     /// Time limit of the episode, s; may be infinite.

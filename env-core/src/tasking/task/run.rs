@@ -61,7 +61,7 @@ impl TaskRun {
             field: "params".to_owned(),
             reason: error.to_string(),
         })?;
-        sim.tolerate_missing_opportunities();
+        sim.observe_independently();
         let value_in_view = if is_imaging { value_in_view(&sim) } else { 1.0 };
         let count = sim.len();
         Ok(Self {

@@ -299,7 +299,7 @@ pub(super) static SCANNING_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
 
 /// Columns of the levels that imaging and constellations share.
 const IMAGER_LEVELS: [(&str, [f64; 10]); 9] = [
-    ("targets", [1000.0, 1250.0, 1500.0, 2000.0, 2000.0, 2500.0, 3000.0, 3000.0, 4000.0, 5000.0]),
+    ("targets", [2500.0, 2500.0, 2500.0, 2500.0, 2500.0, 3000.0, 3000.0, 3500.0, 4000.0, 5000.0]),
     ("priority_power", [1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0]),
     ("omega_max_rad_s", [0.087, 0.087, 0.087, 0.087, 0.07, 0.06, 0.05, 0.04, 0.035, 0.03]),
     ("u_max_n_m", [0.4, 0.4, 0.4, 0.3, 0.3, 0.2, 0.2, 0.15, 0.12, 0.1]),

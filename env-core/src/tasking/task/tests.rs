@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::TASKING_TASKS;
+use super::run::TaskRun;
 use super::task_setup::TaskSetup;
 use crate::batch::{
     Autoreset, Batch, BatchBuffers, BatchConfig, BatchError, BatchOutput, ObservationMode, SeedSequence,
@@ -197,5 +198,35 @@ fn levels_are_valid_and_layouts_are_refused() {
         let contradiction = [("charge_min", 0.9), ("charge_max", 0.2)];
         let error = Recipe::with_params(task, contradiction.into_iter()).unwrap_err();
         assert_eq!(error.field(), "params.charge_min");
+    }
+}
+
+/// BSK-RL's forecast of eclipses depends on the times of earlier observations; that of tasks does not.
+#[test]
+fn observations_do_not_depend_on_earlier_ones() {
+    for task in tasks() {
+        for seed in 0..4 {
+            let scenario = scenario(task, 5, seed);
+            let setup = TaskSetup::read(scenario.recipe()).unwrap();
+            let [mut seldom, mut often] = [(); 2].map(|()| TaskRun::start(setup, scenario.seed()).unwrap());
+            let agents = seldom.sim.len();
+            let (mut memory, width) = (Vec::new(), seldom.sim.observation_columns(0).len());
+            let mut observe = |run: &mut TaskRun| {
+                let mut out = vec![0.0; agents * width];
+                run.observe(&mut memory, &mut out, agents);
+                out
+            };
+            let mut step = 0;
+            while !seldom.is_done() {
+                let given = actions(task, 0, step, agents);
+                for run in [&mut seldom, &mut often] {
+                    let chosen = run.choose(|agent| (given[agent] >= 0.0).then_some(given[agent] as usize));
+                    run.step(&chosen);
+                }
+                observe(&mut often);
+                step += 1;
+            }
+            assert_eq!(observe(&mut seldom), observe(&mut often), "{} {seed}", task.id());
+        }
     }
 }
