@@ -315,7 +315,7 @@ const fn verdict_name(verdict: Verdict) -> &'static str {
 /// Adds the counts of verdicts and the actions with the largest gain or loss.
 fn add_verdicts(report: &mut Report, actions: &[ActionVerdict]) {
     if actions.is_empty() {
-        report.paragraph("No actions were taken.");
+        report.paragraph("No action was judged.");
         return;
     }
     let mut sums =

@@ -92,8 +92,13 @@ pub fn by_task(chosen: &[ChosenOption], tasks: &[&'static dyn TaskSpec]) -> anyh
         for task in meant {
             if !task.options().iter().any(|spec| spec.name == option.name) {
                 let name = &option.name;
+                let known = env_core::tasks()
+                    .filter(|task| task.options().iter().any(|spec| spec.name == *name))
+                    .map(TaskSpec::id)
+                    .collect::<Vec<_>>()
+                    .join(", ");
                 bail!(
-                    "option {option}: {} has no such option; restrict it to tasks that have it, as WORLD:{name}=…",
+                    "option {option}: {} has no such option; restrict it to a task that has it, as TASK:{name}=…: {known}",
                     task.id()
                 );
             }
@@ -217,7 +222,7 @@ mod tests {
             refuse(&["kessler/rendezvous:contact=swept"], &both),
             refuse(&["kessler:risk=pc", "kessler/survival:risk=contact"], &both),
         ].join("\n"), @r#"
-        option contact=swept: docking/single has no such option; restrict it to tasks that have it, as WORLD:contact=…
+        option contact=swept: docking/single has no such option; restrict it to a task that has it, as TASK:contact=…: kessler/survival, kessler/eco_station, kessler/rendezvous, kessler/formation
         option kessler/rendezvous:contact=swept: none of the tasks is kessler/rendezvous
         option risk is given twice for kessler/survival
         "#);

@@ -31,6 +31,7 @@ export async function pagesOfTrainedRun(url: string, run: string): Promise<Recor
     compare: { route: "/evaluations/compare?a=eval-1&b=eval-2", text: "Difference in success" },
     play: { route: "/play?task=kessler/survival&seed=7&level=4", text: "Holding" },
     docking: { route: "/play?task=docking/multiagent&seed=7", text: "Holding" },
+    tasking: { route: "/play?task=tasking/constellation&seed=7", text: "Actions over time" },
     missing: { route: "/nowhere", text: "Page not found" },
   };
 }

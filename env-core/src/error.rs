@@ -168,7 +168,7 @@ pub enum StepError {
         agent: u32,
     },
     /// A value is not the index of an action.
-    #[error("the action of agent {agent} must be a whole number from 0 to {last}, got {value}")]
+    #[error("the action of agent {agent} must be a whole number from 0 to {last}, got {}", format_shortest(*value))]
     UnknownAction {
         /// Number of the agent.
         agent: u32,

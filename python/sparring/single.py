@@ -33,8 +33,10 @@ class Environment(gymnasium.Env[Any, Any]):
     | `discrete` | tasking | `MultiDiscrete([4] * agents)`, or 13 with targets | index into `sparring.task(…).action_names` |
 
     In kessler and docking, zero holds, and so does choice 0. In tasking, None and -1 stand for no new action: the agent goes
-    on with the action before. None is accepted for all agents or for single ones. With *tracks*, continuous actions are along each satellite's own radial and in-track
-    directions, else along x and y; `axes` overrides this.
+    on with the action before. None is accepted for all agents or for single ones.
+
+    With *tracks*, continuous actions are along each satellite's own radial and in-track directions, else along x and y;
+    `axes` overrides this.
 
     ## Observation space, float32
 
@@ -67,7 +69,7 @@ class Environment(gymnasium.Env[Any, Any]):
     | world | terminated | truncated |
     |---|---|---|
     | kessler | no satellite is left | at step 50, with satellites left |
-    | docking | every deputy docked, crashed, left the area, collided, was too fast or timed out | a deputy ran out of time (both) |
+    | docking | every deputy docked, crashed, left the area, collided, was too fast or timed out | timeout (both) |
     | tasking | no satellite is alive | at the time limit, with satellites alive |
 
     ## Infos

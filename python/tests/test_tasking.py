@@ -97,9 +97,9 @@ def test_invalid_actions_change_nothing(action: Any) -> None:
 def test_continuous_actions_are_refused() -> None:
     with pytest.raises(ValueError, match="`actions` must be 'discrete' in tasking@1"):
         make_env("tasking/scanning", actions="continuous")
+    env = sparring.Environment("kessler/survival", actions="discrete")
+    env.reset(seed=1)
     with pytest.raises(ValueError, match="`actions` must be from 0 to 16, got -1"):
-        env = sparring.Environment("kessler/survival", actions="discrete")
-        env.reset(seed=1)
         env.step([-1, 0, 0])
 
 

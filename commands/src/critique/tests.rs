@@ -93,10 +93,7 @@ fn people_read_a_table() {
     assert!(text.contains("16 more with less effect; --json lists all of them."), "{text}");
     assert!(!text.contains("+0.016") && text.contains("+0.017"), "the smallest gains are left out: {text}");
     assert!(
-        shown(Vec::new())
-            .text_report()
-            .render(OutputTarget::Terminal(100))
-            .contains("No actions were taken.")
+        shown(Vec::new()).text_report().render(OutputTarget::Terminal(100)).contains("No action was judged.")
     );
 }
 

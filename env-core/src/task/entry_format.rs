@@ -71,16 +71,31 @@ impl<const CELLS: usize> EntryFormat<CELLS> {
         match entry {
             Value::Array(cells) => match <&[Value; CELLS]>::try_from(cells.as_slice()) {
                 Ok(cells) => Ok(cells.each_ref().map(Some)),
-                Err(_) => Err(LogError::malformed(format!(".{i}"), format!("a {noun} must be {list}"))),
+                Err(_) => Err(LogError::malformed(
+                    format!(".{i}"),
+                    format!("{} {noun} must be {list}", article(noun)),
+                )),
             },
             Value::Object(given) => match given.keys().find(|key| !fields.contains(&key.as_str())) {
                 None => Ok(fields.map(|name| given.get(name))),
                 Some(key) => Err(LogError::malformed(
                     format!(".{i}.{}", shorten(key, MAX_FIELD_CHARS)),
-                    format!("unknown field of a {noun}; the known fields are {}", fields.join(", ")),
+                    format!(
+                        "unknown field of {} {noun}; the known fields are {}",
+                        article(noun),
+                        fields.join(", ")
+                    ),
                 )),
             },
-            _ => Err(LogError::malformed(format!(".{i}"), format!("a {noun} must be a list or an object"))),
+            _ => Err(LogError::malformed(
+                format!(".{i}"),
+                format!("{} {noun} must be a list or an object", article(noun)),
+            )),
         }
     }
+}
+
+/// Indefinite article of a noun.
+fn article(noun: &str) -> &'static str {
+    if noun.starts_with(['a', 'e', 'i', 'o', 'u']) { "an" } else { "a" }
 }

@@ -20,7 +20,7 @@ impl TickLength {
         if !(0.01..=60.0).contains(&seconds) {
             return Err(TaskingError::invalid("sim_rate", "must be from 0.01 to 60 s", seconds));
         }
-        Ok(Self { nanoseconds: (seconds * 1e9) as u64 })
+        Ok(Self { nanoseconds: (seconds * 1e9).round() as u64 })
     }
 
     /// Length of a tick, s.

@@ -37,7 +37,10 @@ const RETURNS: &str =
 fn common_tools() -> [ActionTool; 3] {
     [
         own_action("charge", "Point the solar panel at the Sun to charge the battery"),
-        own_action("downlink", "Point at nadir, and send stored data while a ground station can be reached"),
+        own_action(
+            "downlink",
+            "Align with the orbit, and send stored data while a ground station can be reached",
+        ),
         own_action("desaturate", "Slow the wheels down by pulses of the thrusters"),
     ]
 }

@@ -52,7 +52,7 @@ class PolicyEnvironment:
     def telemetry_shapes(self) -> dict[str, tuple[int, ...]]:
         """Returns the shape of each part of *telemetry*."""
         if not self.layout.is_kessler:
-            return {"deputies": (self.agents, self.values)}
+            return {self.layout.agents_part: (self.agents, self.values)}
         bodies = self.layout.bodies
         return {"satellites": (self.agents, SATELLITE_VALUES), "debris": (len(DEBRIS_ROWS), bodies), "mask": (bodies,)}
 

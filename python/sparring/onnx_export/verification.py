@@ -27,8 +27,9 @@ def sample_observations(environment: PolicyEnvironment) -> Any:
     if settings.curriculum is None:
         arguments |= {name: getattr(settings, name) for name in ("params", "physics", "layout", "level")}
         arguments["bodies"] = environment.layout.bodies if environment.is_telemetry and environment.layout.is_kessler else None
-    elif any(param.name == "deputies" for param in settings.spec.params):
-        arguments["params"] = {"deputies": environment.agents}
+    else:
+        counts = [param.name for param in settings.spec.params if param.name in ("deputies", "satellites")]
+        arguments["params"] = dict.fromkeys(counts, environment.agents)
     envs = make_vec(settings.spec.id, SAMPLE_ENVS, autoreset_mode="same_step", threads=1, **arguments)
     try:
         observations = [envs.reset(seed=0)[0]]

@@ -44,6 +44,7 @@ mod runs_command;
 mod scale;
 mod serve_command;
 mod stepping;
+mod tasking;
 mod trainer_metrics;
 mod training_loop;
 mod trajectories;

@@ -115,7 +115,9 @@ impl Property {
                 out.extend(state.attitude.wheels.map(|speed| speed / limit));
             }
             Self::StorageLevel => out.push(view.stored_bits),
-            Self::StorageLevelFraction => out.push(view.stored_bits / view.spec.args.storage_capacity_bits),
+            Self::StorageLevelFraction => {
+                out.push(view.stored_bits / view.spec.args.storage_capacity_bits.floor());
+            }
             Self::CHatP => out.extend(view.moment.instrument_fixed),
             Self::CHatH => out.extend(rotate(&view.hill(), &view.moment.instrument)),
             Self::InstrumentPointingError => {

@@ -95,7 +95,7 @@ impl TaskedSatellite {
             arc_time: 0.0,
             earth_cos: 1.0,
             earth_sin: 0.0,
-            battery: args.stored_charge_ws,
+            battery: args.stored_charge_ws.min(args.battery_capacity_ws),
             net_power: 0.0,
             stored,
             is_commanded: 0.0,
@@ -217,7 +217,7 @@ impl TaskedSatellite {
         let args = &self.spec.args;
         let max_speed = args.max_wheel_speed_rpm * RAD_S_PER_RPM;
         let level = self.state.stored + self.initial_stored;
-        let capacity = args.storage_capacity_bits;
+        let capacity = args.storage_capacity_bits.floor();
         let is_full = level >= capacity && (level - capacity).abs() > 1e-8 + 1e-5 * capacity;
         [
             ("altitude_valid", norm(&self.state.position) > args.min_orbital_radius_m),

@@ -96,6 +96,13 @@ impl TaskedSatellite {
         }
     }
 
+    /// Follows the ticks up to this one, in which no ground station was in reach.
+    pub fn skip_transmitter_to(&mut self, now: u64) {
+        if self.software.transmitter_on {
+            self.transmitter.skip_to(self.environment.tick.time_s(now));
+        }
+    }
+
     fn fill_body<const W: usize>(&self, block: &mut Block<W>, lane: usize) {
         let body = &mut block.inputs.body;
         let inertia = self.spec.args.inertia();

@@ -70,7 +70,7 @@ impl Transmitter {
         change
     }
 
-    /// Follows a tick without access and without data to send, so that the next tick has the length of one tick.
+    /// Follows ticks without access up to a time, s: the packet is lost, and the next tick has the length of one tick.
     pub const fn skip_to(&mut self, now_s: f64) {
         self.sent_bits = 0.0;
         self.last_s = now_s;

@@ -83,6 +83,7 @@ impl Agent {
         });
         let count = targets.len();
         let [stored, other] = satellite.stored();
+        let is_alive = satellite.is_alive();
         Self {
             setup,
             satellite,
@@ -101,7 +102,7 @@ impl Agent {
             latest_target: None,
             images: 0,
             misses: 0,
-            is_alive: true,
+            is_alive,
             logged_bits: [stored, stored + other],
             elements: None,
             logged_resources: Vec::new(),

@@ -119,6 +119,9 @@ fn missing_line_of_sight(
     let on_sphere = |v: &Vector3<f64>| add(v, &scale(pole, dot(v, pole) * (1.0 / POLAR_RATIO - 1.0)));
     let (start, end) = (on_sphere(from), on_sphere(to));
     let line = sub(&end, &start);
+    if dot(&line, &line) == 0.0 {
+        return f64::MIN_POSITIVE; // Basilisk divides by zero, and finds no access.
+    }
     let share = (-dot(&start, &line) / dot(&line, &line)).clamp(0.0, 1.0);
     let nearest = [0, 1, 2].map(|i| start[i] + share * line[i]);
     let beyond = if max_range_m > 0.0 { norm(&sub(to, from)) - max_range_m } else { f64::NEG_INFINITY };

@@ -230,6 +230,9 @@ where
             if is_ended {
                 block.store(lane % W, &mut agent.satellite.state);
                 block.clear(lane % W);
+                if now < slot.until[i] {
+                    agent.satellite.skip_transmitter_to(now);
+                }
                 continue;
             }
             let awaited = agent.satellite.awaited_bits.unwrap_or(f64::INFINITY);

@@ -133,7 +133,8 @@ impl TaskingSim {
             if *was_alive || !is_constellation {
                 *penalty = self.setup.failure_penalty;
             }
-            if is_constellation {
+            // BSK-RL deletes the events of a satellite when it dies; those of later actions count.
+            if is_constellation && *was_alive {
                 (agent.timed_event, agent.satellite.awaited_bits) = (None, None);
             }
         }

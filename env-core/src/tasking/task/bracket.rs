@@ -26,12 +26,27 @@ const CYCLES: [&[BlindAction]; 7] = [
     &[Work(0), Work(0), Charge, Charge, Downlink, Desaturate],
 ];
 
-/// Thresholds of charge of the candidates.
-const CHARGES: [f64; 5] = [0.15, 0.25, 0.4, 0.6, 0.8];
-/// Times before an eclipse from which the candidates charge, s.
-const ECLIPSES_S: [f64; 3] = [1000.0, 2500.0, 6000.0];
-/// Time constants of the candidates, s: with scanning only the first one matters.
-const PATIENCES_S: [f64; 2] = [60.0, 300.0];
+/// Thresholds of the rules that are candidates for the reference; all combinations are flown.
+struct CandidateGrid {
+    /// Thresholds of the battery's charge.
+    charges: &'static [f64],
+    /// Times before an eclipse from which a candidate charges, s.
+    eclipses_s: &'static [f64],
+    /// Time constants of patience, s, which matter with targets only.
+    patiences_s: &'static [f64],
+}
+
+/// Candidates of one satellite without targets.
+const SCANNING_GRID: CandidateGrid = CandidateGrid {
+    charges: &[0.15, 0.25, 0.4, 0.6, 0.8],
+    eclipses_s: &[1000.0, 2500.0, 6000.0],
+    patiences_s: &[60.0],
+};
+/// Candidates of one satellite with targets.
+const IMAGING_GRID: CandidateGrid = CandidateGrid { patiences_s: &[60.0, 300.0], ..SCANNING_GRID };
+/// Candidates of several satellites: fewer, since each costs more.
+const CONSTELLATION_GRID: CandidateGrid =
+    CandidateGrid { charges: &[0.25, 0.4, 0.6], eclipses_s: &[1000.0, 6000.0], patiences_s: &[300.0] };
 
 /// Computes the bracket.
 ///
@@ -56,14 +71,18 @@ pub(super) fn bracket(scenario: &Scenario) -> Result<Bracket, ScenarioError> {
 }
 
 fn candidates(start: &TaskRun) -> Vec<TaskingRule> {
-    let patiences = if start.sim.targets().is_empty() { &PATIENCES_S[..1] } else { &PATIENCES_S };
+    let grid = match (start.sim.targets().is_empty(), start.sim.len()) {
+        (true, _) => SCANNING_GRID,
+        (false, 1) => IMAGING_GRID,
+        (false, _) => CONSTELLATION_GRID,
+    };
     let mut rules = vec![TaskingRule::HEURISTIC];
-    for charge_below in CHARGES {
-        for eclipse_within_s in ECLIPSES_S {
-            for patience_s in patiences {
+    for charge_below in grid.charges {
+        for eclipse_within_s in grid.eclipses_s {
+            for patience_s in grid.patiences_s {
                 rules.push(TaskingRule {
-                    charge_below,
-                    eclipse_within_s,
+                    charge_below: *charge_below,
+                    eclipse_within_s: *eclipse_within_s,
                     patience_s: *patience_s,
                     ..TaskingRule::HEURISTIC
                 });

@@ -29,18 +29,29 @@ pub(super) fn critique(scenario: &Scenario, log: &ActionLog) -> Result<Critique,
         Ok(run.is_done())
     })?;
     let outcome = run.outcome();
-    let explanation = format!("The score is {:.3}, and {} satellites died.", outcome.score, outcome.lost);
+    let deaths = match outcome.lost {
+        1 => "1 satellite".to_owned(),
+        lost => format!("{lost} satellites"),
+    };
+    let explanation = format!("The score is {:.3}, and {deaths} died.", outcome.score);
     let assessment = Judgement { value: outcome.score.clamp(-1.0, 1.0), case: "score", explanation };
     Ok(Critique { failures, actions: Vec::new(), assessment })
 }
 
+/// Mode and description of a death, from the names of the checks that failed.
+pub(super) fn death_reason(checks: &str) -> (&'static str, &'static str) {
+    let reasons = [
+        ("battery_valid", "power", "its battery was empty"),
+        ("rw_speeds_valid", "wheels", "a wheel was too fast"),
+        ("data_storage_valid", "other", "its storage was full"),
+    ];
+    let found = reasons.iter().find(|(check, _, _)| checks.contains(check));
+    found.map_or(("other", "its orbit was too low"), |(_, mode, reason)| (*mode, *reason))
+}
+
 /// The death of a satellite in the last step.
 fn death(run: &TaskRun, agent: usize, checks: &str) -> Failure {
-    let (mode, reason) = match checks {
-        checks if checks.contains("battery_valid") => ("power", "its battery was empty"),
-        checks if checks.contains("rw_speeds_valid") => ("wheels", "a wheel was too fast"),
-        _ => ("other", checks),
-    };
+    let (mode, reason) = death_reason(checks);
     let time_s = run.sim.time_s();
     Failure {
         mode,

@@ -73,13 +73,13 @@ impl StepMotion {
 
     /// Adds a sample at the end of a step.
     pub(super) fn finish(&mut self, sim: &TaskingSim) {
-        if self.time_s.last().is_none_or(|last| *last < sim.time_s()) {
+        if self.time_s.last().is_none_or(|last| *last < round(sim.time_s(), 6)) {
             self.push(sim);
         }
     }
 
     fn push(&mut self, sim: &TaskingSim) {
-        self.time_s.push(sim.time_s());
+        self.time_s.push(round(sim.time_s(), 6));
         let planet = sim.planet_from_inertial();
         let sun = sim.sun_position();
         self.sun.push(place(&rotate(&planet, &sun)).into());

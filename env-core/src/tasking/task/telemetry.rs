@@ -4,6 +4,8 @@ use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
+use super::critique::death_reason;
+use super::motion::round;
 use super::run::TaskRun;
 use super::spaces::IMAGE_ACTIONS;
 use crate::tasking::access::OpportunityKind;
@@ -14,6 +16,9 @@ const SCANNING_MISSION: &str =
     "Scan the ground below as long as possible, without an empty battery or wheels that are too fast.";
 /// Text of the goal of imaging.
 const IMAGING_MISSION: &str = "Image targets of high priority within their windows, without an empty battery or wheels that are too fast.";
+
+/// Decimals of times in s, beyond which they have errors of rounding.
+const TIME_DECIMALS: i32 = 6;
 
 /// Observation of all satellites together.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -87,7 +92,9 @@ pub struct TargetTelemetry {
 impl TaskRun {
     /// Texts of the events of the last step.
     pub(super) fn alerts(&self) -> Vec<String> {
-        let died = |(agent, reasons): &(usize, String)| format!("Satellite {agent} died: {reasons} failed");
+        let died = |(agent, checks): &(usize, String)| {
+            format!("Satellite {agent} died: {}.", death_reason(checks).1)
+        };
         self.last_step().deaths.iter().map(died).collect()
     }
 
@@ -100,7 +107,7 @@ impl TaskRun {
         let is_imaging = !self.sim.targets().is_empty();
         TaskingTelemetry {
             mission_objective: Cow::Borrowed(if is_imaging { IMAGING_MISSION } else { SCANNING_MISSION }),
-            time_s: self.sim.time_s(),
+            time_s: round(self.sim.time_s(), TIME_DECIMALS),
             time_limit_s: self.sim.time_limit_s(),
             actions: self.action_names().iter().map(|name| Cow::Borrowed(*name)).collect(),
             satellites,

@@ -1,6 +1,7 @@
 //! Tools of the Model Context Protocol: act, wait, observe, and predict conjunctions. No tool begins an episode.
 
 use env_core::TaskSpec;
+use env_core::log::{ActionLog, Precision};
 use env_core::text::{MAX_QUOTED_CHARS, shorten};
 use serde_json::{Map, Value, json};
 
@@ -106,8 +107,29 @@ async fn act(session: &mut Session, name: &str, arguments: Map<String, Value>) -
         return Err(RpcError::params(&format!("tool {name:?} does not exist; tools/list returns all tools")));
     };
     let action = format.tool_action(tool, arguments).map_err(|reason| RpcError::params(&reason))?;
+    check_agents(session, &action)?;
     session.step(&action).await.map_err(|error| rpc_error(&error))?;
     telemetry(session)
+}
+
+/// Checks that the agents of an action exist. A step leaves out agents that do not, as OpenEnv does; a model learns more from an error.
+fn check_agents(session: &Session, action: &Value) -> Result<(), RpcError> {
+    let Some(scenario) = session.status().scenario else { return Ok(()) };
+    let task = scenario.task();
+    let mut log = ActionLog::new(task.action_space().dim(), Precision::F64);
+    if openenv_wire::wire_format(task).read_action(action, &mut log).is_err() {
+        return Ok(()); // the step reports the errors
+    }
+    let count = task.agents(scenario.recipe());
+    match log.step(0).agents.iter().find(|agent| **agent >= count) {
+        None => Ok(()),
+        Some(agent) => {
+            let last = count.saturating_sub(1);
+            Err(RpcError::params(&format!(
+                "agent {agent} does not exist: the episode has the agents 0 to {last}"
+            )))
+        }
+    }
 }
 
 async fn hold(session: &mut Session, arguments: &Map<String, Value>) -> Result<Value, RpcError> {
