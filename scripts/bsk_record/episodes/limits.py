@@ -6,7 +6,7 @@ from typing import Any
 
 from bsk_rl.utils.orbital import random_orbit
 
-from bsk_record.episodes.common import NADIR, SCANNING_TIME, imager, scanner
+from bsk_record.episodes.common import NADIR, SCANNING_TIME, imager, radians, scanner
 from bsk_record.policies import ScriptPolicy
 from bsk_record.specs import CommunicatorSpec, Episode, SatelliteSpec, component
 
@@ -68,10 +68,50 @@ def pair_episode(name: str, max_steps: int, communicator: str = "NoCommunication
     )
 
 
+# Stations on a grid, so that passes are short and frequent.
+GRID = [
+    {"name": f"{latitude}_{longitude}", "lat": float(latitude), "long": float(longitude)}
+    for latitude in (-60, -30, 0, 30, 60)
+    for longitude in range(0, 360, 30)
+]
+
+# Downlinks of 5 s among long pauses: some end without access, which the transmitter must not count as a pause.
+PAUSED_DOWNLINKS = Episode(
+    name="paused_downlinks",
+    seed=168,
+    cls="SatelliteTasking",
+    satellites=(
+        imager(
+            "EO",
+            args={
+                "oe": orbit(),
+                "instrumentBaudRate": 3e6,
+                "transmitterBaudRate": -1e6,
+                "storageInit": 7_000_000,
+                "wheelSpeeds": [0.0, 0.0, 0.0],
+                "sigma_init": [0.0, 0.0, 0.0],
+            },
+            actions=(component("Charge", duration=5.0), component("Downlink", duration=5.0)),
+            observations=(component("Time"),),
+        ),
+    ),
+    scenario=component("UniformTargets", n_targets=1),
+    rewarders=(component("UniqueImageReward"),),
+    policy=ScriptPolicy((0,) * 250 + (1,) + (0,) * 29 + (1,) + (0,) * 18 + (1,)),
+    max_steps=300,
+    env={"time_limit": 1500.0},
+    world_args={
+        "groundStationsData": GRID,
+        "gsMinimumElevation": radians(45.0),
+        "utc_init": "2000 JAN 01 12:00:00.000 (UTC)",
+    },
+)
+
 EPISODES = (
     scan_episode("capacity_fraction", {"dataStorageCapacity": 100.9, "storageInit": 50}, CHARGE),
     scan_episode("battery_overfull", {"storedCharge_Init": 800_000.0, "batteryStorageCapacity": 720_000.0}, CHARGE),
     scan_episode("wheel_at_limit", {"wheelSpeeds": [6000.0, 0.0, 0.0], "maxWheelSpeed": 6000.0}, DESAT),
     pair_episode("same_place", 2, "LOSCommunication"),
     pair_episode("dead_start", 3, storedCharge_Init=0.0),
+    PAUSED_DOWNLINKS,
 )
