@@ -13,6 +13,7 @@ The worlds are compiled. This package gives them the interfaces of Gymnasium and
 
 from typing import TYPE_CHECKING
 
+from . import discounting
 from ._native import __version__
 from .curriculum import Curriculum, CurriculumError
 from .evaluation import EvaluationResult, evaluate
@@ -49,6 +50,7 @@ __all__ = [
     "__version__",
     "bracket",
     "critique",
+    "discounting",
     "evaluate",
     "levels",
     "make_vec",
