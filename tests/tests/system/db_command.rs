@@ -75,7 +75,8 @@ async fn info_check_backup_and_export_work_on_a_live_database() {
     assert_eq!(server.terminate(), Some(0));
     assert_output(&db(&file, &["vacuum"]), 0, ", before ");
     // A server can continue from the copy.
-    assert_eq!(db(&copy, &["check"]).status.code(), Some(0));
+    let checked = db(&copy, &["check"]);
+    assert_eq!(checked.status.code(), Some(0), "{}", output_text(&checked));
     let server = ServerProcess::start(&copy);
     let episodes = server.api().get("/v1/runs/run/episodes?limit=500").await.expect(200);
     assert_eq!(episodes["episodes"].as_array().unwrap().len(), 24);
