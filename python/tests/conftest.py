@@ -14,6 +14,15 @@ BINARY = os.environ.get("SPARRING_BINARY") or os.environ.get("SPARRING_BIN")
 needs_server = pytest.mark.skipif(not BINARY, reason="SPARRING_BINARY is not set: build the program, or run make test-python")
 
 
+#: Ids of environments with each kind of actions that they have; tasks with named actions have discrete ones only.
+IDS_AND_ACTIONS = [
+    (id, actions)
+    for id, task in sorted(sparring.ENVIRONMENTS.items())
+    for actions in ("continuous", "discrete")
+    if actions == "discrete" or not sparring.task(task).action_names
+]
+
+
 @pytest.fixture(params=sorted(sparring.ENVIRONMENTS))
 def id(request):
     return request.param
@@ -61,19 +70,13 @@ def hold_action(space):
     return np.zeros_like(space.low) if isinstance(space, gymnasium.spaces.Box) else -1
 
 
-def skip_continuous_of_named_actions(task, actions):
-    """Skips a test of continuous actions of a task that has named ones only."""
-    if actions == "continuous" and sparring.task(task).action_names:
-        pytest.skip("the actions of tasking have names")
-
-
 __all__ = [
     "BINARY",
+    "IDS_AND_ACTIONS",
     "bitwise_equal",
     "gymnasium",
     "hold_action",
     "needs_server",
     "random_actions",
     "short_episode_params",
-    "skip_continuous_of_named_actions",
 ]

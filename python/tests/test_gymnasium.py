@@ -6,20 +6,19 @@ import pickle
 import gymnasium
 import numpy as np
 import pytest
-from conftest import bitwise_equal, random_actions, short_episode_params, skip_continuous_of_named_actions
+from conftest import IDS_AND_ACTIONS, bitwise_equal, random_actions, short_episode_params
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
 import sparring
 
 
-@pytest.mark.parametrize("actions", ["continuous", "discrete"])
+@pytest.mark.parametrize(("id", "actions"), IDS_AND_ACTIONS)
 @pytest.mark.parametrize("observation", [None, "telemetry"])
 @pytest.mark.filterwarnings(
     "ignore:.*(A Box observation space|not within the range|minimum value is -infinity|maximum value is infinity).*"
 )
 def test_environment_passes_gymnasiums_checker(id, observation, actions):
-    skip_continuous_of_named_actions(sparring.ENVIRONMENTS[id], actions)
     env = gymnasium.make(id, observation=observation, actions=actions, disable_env_checker=True)
     check_env(env.unwrapped, skip_render_check=True)
     env.close()

@@ -5,7 +5,7 @@ import copy
 import gymnasium
 import numpy as np
 import pytest
-from conftest import bitwise_equal, hold_action, random_actions, short_episode_params, skip_continuous_of_named_actions
+from conftest import IDS_AND_ACTIONS, bitwise_equal, hold_action, random_actions, short_episode_params
 
 import sparring
 
@@ -14,9 +14,9 @@ from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test  # n
 from pettingzoo.utils import parallel_to_aec  # noqa: E402
 
 
-@pytest.mark.parametrize("actions", ["continuous", "discrete"])
-def test_environment_passes_parallel_api_test(task, actions):
-    skip_continuous_of_named_actions(task, actions)
+@pytest.mark.parametrize(("id", "actions"), IDS_AND_ACTIONS)
+def test_environment_passes_parallel_api_test(id, actions):
+    task = sparring.ENVIRONMENTS[id]
     parallel_api_test(sparring.parallel_env(task, params=short_episode_params(task), actions=actions), num_cycles=300)
 
 
