@@ -25,6 +25,26 @@ pub(crate) fn with_default(mut schema: Value, default: Value) -> Value {
     schema
 }
 
+/// Schema of a number with the default 0.
+pub(crate) fn number(description: &str) -> Value {
+    with_default(described(scalar("number"), description), json!(0.0))
+}
+
+/// Schema of a text that is empty by default.
+pub(crate) fn text(description: &str) -> Value {
+    with_default(described(scalar("string"), description), json!(""))
+}
+
+/// Schema of a list of texts.
+pub(crate) fn texts(description: &str) -> Value {
+    described(json!({"type": "array", "items": scalar("string")}), description)
+}
+
+/// The goal of the episode, a property of every observation.
+pub(crate) fn mission_objective() -> (&'static str, Value) {
+    ("mission_objective", text("The goal for the current episode"))
+}
+
 /// Schema of an object with these properties; all are required except the `optional` ones.
 pub(crate) fn model(name: &str, properties: &[(&str, Value)], optional: &[&str]) -> Value {
     let required: Vec<_> =

@@ -3,7 +3,8 @@
 use serde_json::{Value, json};
 
 use crate::schema::{
-    action_metadata, described, list_of, message, model, observation_base, scalar, with_default,
+    action_metadata, described, list_of, message, mission_objective, model, number, observation_base, scalar,
+    texts,
 };
 
 pub(super) const THRUST: &str = "DeputyThrust";
@@ -36,16 +37,11 @@ pub(super) fn action() -> Value {
 
 pub(super) fn observation() -> Value {
     let [done, reward, metadata] = observation_base();
-    let number = |text| with_default(described(scalar("number"), text), json!(0.0));
-    let alerts = json!({"type": "array", "items": {"type": "string"}});
     let properties = [
         done,
         reward,
         metadata,
-        (
-            "mission_objective",
-            with_default(described(scalar("string"), "The goal for the current episode"), json!("")),
-        ),
+        mission_objective(),
         ("time_s", number("Elapsed time, s")),
         ("time_limit_s", number("Time at which a deputy that has not docked has failed, s")),
         ("thrust_bound", number("Largest thrust per axis, N; more is clamped")),
@@ -58,10 +54,7 @@ pub(super) fn observation() -> Value {
                  across it.",
             ),
         ),
-        (
-            "critical_alerts",
-            described(alerts, "Events of the last step, and deputies above the speed limit now"),
-        ),
+        ("critical_alerts", texts("Events of the last step, and deputies above the speed limit now")),
         ("total_score", number("Cumulative mission score: the sum of rewards")),
     ];
     message(

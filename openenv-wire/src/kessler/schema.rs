@@ -1,10 +1,11 @@
 //! The schemas of the public kessler-env, word for word, with three optional additions to the observation:
 //! `target_separation`, `conjunctions` and `survival_probability`. Each is present only if a task or an option requires it.
 
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use crate::schema::{
-    action_metadata, described, list_of, message, model, observation_base, scalar, with_default,
+    action_metadata, described, list_of, message, mission_objective, model, number, observation_base, scalar,
+    texts,
 };
 
 pub(super) const BURN: &str = "ThrusterBurn";
@@ -30,14 +31,11 @@ pub(super) fn action() -> Value {
 
 pub(super) fn observation() -> Value {
     let [done, reward, metadata] = observation_base();
-    let text = |text| with_default(described(scalar("string"), text), json!(""));
-    let number = |text| with_default(described(scalar("number"), text), json!(0.0));
-    let alerts = json!({"type": "array", "items": {"type": "string"}});
     let properties = [
         done,
         reward,
         metadata,
-        ("mission_objective", text("The goal for the current episode")),
+        mission_objective(),
         ("target_radius", number("If greater than 0, navigate Sat 0 to this orbital radius")),
         (
             "target_separation",
@@ -66,7 +64,7 @@ pub(super) fn observation() -> Value {
                  in radar_debris. 0.0 means unlimited visibility (full observability mode).",
             ),
         ),
-        ("critical_alerts", described(alerts, "Alerts such as collisions or low fuel")),
+        ("critical_alerts", texts("Alerts such as collisions or low fuel")),
         ("total_score", number("Cumulative mission score")),
     ];
     message(

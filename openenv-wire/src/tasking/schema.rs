@@ -3,7 +3,8 @@
 use serde_json::{Value, json};
 
 use crate::schema::{
-    action_metadata, described, list_of, message, model, observation_base, scalar, with_default,
+    action_metadata, described, list_of, message, mission_objective, model, number, observation_base, scalar,
+    texts,
 };
 
 pub(super) const ACTIONS: &str = "actions";
@@ -31,21 +32,16 @@ pub(super) fn action(names: &[&str]) -> Value {
 
 pub(super) fn observation() -> Value {
     let [done, reward, metadata] = observation_base();
-    let number = |text| with_default(described(scalar("number"), text), json!(0.0));
-    let texts = json!({"type": "array", "items": {"type": "string"}});
     let properties = [
         done,
         reward,
         metadata,
-        (
-            "mission_objective",
-            with_default(described(scalar("string"), "The goal for the current episode"), json!("")),
-        ),
+        mission_objective(),
         ("time_s", number("Elapsed time, s")),
         ("time_limit_s", number("Time at which the episode ends, s")),
-        ("actions", described(texts.clone(), "Names of the actions, by index")),
+        ("actions", texts("Names of the actions, by index")),
         ("satellites", described(list_of(SATELLITE), "Telemetry of your satellites")),
-        ("critical_alerts", described(texts, "Events of the last step")),
+        ("critical_alerts", texts("Events of the last step")),
         ("total_score", number("Cumulative mission score: the sum of rewards")),
     ];
     message(
