@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use super::motion::{StepMotion, place, round};
+use super::motion::{StepMotion, place};
+use super::rounding::round;
 use super::run::TaskRun;
 use crate::scene::Point;
 use crate::tasking::access::{Opportunity, OpportunityKind};

@@ -12,6 +12,7 @@ mod lane;
 pub mod map;
 pub mod motion;
 mod policies;
+mod rounding;
 mod rule;
 mod run;
 mod scene;

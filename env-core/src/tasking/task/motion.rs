@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::rounding::round;
 use crate::scene::Point;
 use crate::tasking::constants::{EARTH_RADIUS_M, RAD_S_PER_RPM};
 use crate::tasking::satellite::eclipse::illumination;
@@ -140,9 +141,4 @@ fn sees(station: &GroundStation, satellite: &Vector3<f64>) -> bool {
 fn degrees_between(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
     let cosine = dot(a, b) / (norm(a) * norm(b));
     round(libm::acos(cosine.clamp(-1.0, 1.0)).to_degrees(), 2)
-}
-
-pub(super) fn round(value: f64, decimals: i32) -> f64 {
-    let factor = libm::pow(10.0, f64::from(decimals));
-    libm::round(value * factor) / factor
 }

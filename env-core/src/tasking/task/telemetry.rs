@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use serde::{Deserialize, Serialize};
 
 use super::critique::death_reason;
-use super::motion::round;
+use super::rounding::round;
 use super::run::TaskRun;
 use super::spaces::IMAGE_ACTIONS;
 use crate::tasking::access::OpportunityKind;
