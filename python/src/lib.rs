@@ -14,6 +14,7 @@ mod renderer;
 mod scenario;
 mod scenario_sequence;
 mod step_threads;
+mod tasking;
 mod tasks;
 
 use pyo3::prelude::pymodule;
@@ -29,6 +30,8 @@ mod _native {
     };
     #[pymodule_export]
     use super::scenario::{NativeScenario, bracket, critique, replay, rollout};
+    #[pymodule_export]
+    use super::tasking::{NativeTaskingEpisode, NativeTaskingStep};
     #[pymodule_export]
     use super::tasks::{NativePolicy, task_info, tasks};
 

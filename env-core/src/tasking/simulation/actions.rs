@@ -2,7 +2,8 @@
 
 use super::TaskingSim;
 use super::agent::{ActionKey, Agent, TimedEvent};
-use crate::tasking::access::OpportunityKind;
+use super::journal::Happening;
+use crate::tasking::access::{Opportunity, OpportunityKind};
 use crate::tasking::clock::TickLength;
 use crate::tasking::error::TaskingError;
 use crate::tasking::orbit::Sky;
@@ -59,7 +60,7 @@ impl TaskingSim {
 enum Choice {
     Software { action: SoftwareAction, duration_s: f64, reset_task: bool },
     Broadcast { duration_s: f64 },
-    Image { target: usize, close_s: f64, max_duration_s: f64 },
+    Image { window: Opportunity, max_duration_s: f64 },
 }
 
 impl Agent {
@@ -110,7 +111,7 @@ impl Agent {
     fn choose_target(&self, target: usize, max_duration_s: f64, now_s: f64) -> Result<Choice, TaskingError> {
         let upcoming = self.opportunities.upcoming(OpportunityKind::Target, now_s);
         match upcoming.iter().find(|item| item.object == target) {
-            Some(window) => Ok(Choice::Image { target, close_s: window.close_s, max_duration_s }),
+            Some(window) => Ok(Choice::Image { window: *window, max_duration_s }),
             None => Err(self.action_error(format!("target {target} has no upcoming window"))),
         }
     }
@@ -135,7 +136,11 @@ impl Agent {
                 self.broadcast_pending = true;
                 self.last_action = Some(ActionKey::Broadcast);
             }
-            Choice::Image { target, close_s, max_duration_s } => {
+            Choice::Image { window, max_duration_s } => {
+                let Opportunity { object: target, open_s, close_s, .. } = window;
+                if let Some(journal) = &mut self.journal {
+                    journal.add(now_s, Happening::Tasked { target, open_s, close_s });
+                }
                 let key = ActionKey::Target(target);
                 if self.last_action != Some(key) {
                     let position = *self.targets.position(target);

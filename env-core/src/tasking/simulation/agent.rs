@@ -1,5 +1,7 @@
 //! A satellite with its tasking: opportunities, current action and known data.
 
+use super::access_filter::AccessFilter;
+use super::journal::{Happening, Journal};
 use super::target_set::TargetSet;
 use crate::tasking::access::{GroundTrack, LocationSet, Opportunity, OpportunityKind, OpportunityList};
 use crate::tasking::error::TaskingError;
@@ -67,6 +69,10 @@ pub(super) struct Agent {
     pub elements: Option<OrbitalElements>,
     /// Values of rewarded properties at the end of the last step.
     pub logged_resources: Vec<f64>,
+    /// Further condition on opportunities.
+    pub access_filter: Option<AccessFilter>,
+    /// Record of what happens to the satellite, if it is kept.
+    pub journal: Option<Box<Journal>>,
 }
 
 impl Agent {
@@ -106,12 +112,19 @@ impl Agent {
             logged_bits: [stored, stored + other],
             elements: None,
             logged_resources: Vec::new(),
+            access_filter: None,
+            journal: None,
         }
     }
 
     /// Name of the satellite.
     pub(super) fn name(&self) -> &str {
         self.satellite.name()
+    }
+
+    /// Deletes the events of the satellite, as BSK-RL does when it dies; those of later actions count.
+    pub(super) fn delete_events(&mut self) {
+        (self.timed_event, self.satellite.awaited_bits) = (None, None);
     }
 
     fn generation(&self) -> Result<GenerationTimes, TaskingError> {
@@ -134,9 +147,13 @@ impl Agent {
     /// Computes opportunities for `duration_s` more.
     fn compute_block(&mut self, duration_s: f64, sky: &mut Sky) -> Result<(), TaskingError> {
         let times = self.generation()?;
+        let from_s = self.opportunities.computed_s();
         let Some(end_s) = self.opportunities.next_block_end(duration_s, times.block_s) else {
             return Ok(());
         };
+        if let Some(journal) = &mut self.journal {
+            journal.add_now(Happening::Search { from_s, to_s: end_s });
+        }
         self.eclipses.extend_to(end_s, self.satellite.orbit_mut(), sky);
         self.search_track.extend_to(end_s, self.satellite.orbit_mut(), sky);
         self.targets.search_to(end_s, &self.search_track);
@@ -170,7 +187,10 @@ impl Agent {
         for _ in 0..MAX_LOOK_AHEAD {
             found.clear();
             let hides_imaged = self.hides_imaged && kind == OpportunityKind::Target;
-            let is_wanted = |item: &&Opportunity| !(hides_imaged && self.imaged.contains(item.object));
+            let is_wanted = |item: &&Opportunity| {
+                !(hides_imaged && self.imaged.contains(item.object))
+                    && self.access_filter.as_ref().is_none_or(|filter| filter.accepts(item))
+            };
             found.extend(self.opportunities.upcoming(kind, now_s).iter().filter(is_wanted).take(count));
             if found.len() >= count {
                 return Ok(());

@@ -1,6 +1,8 @@
 //! Events that end a step.
 
 use super::TaskingSim;
+use super::agent::Agent;
+use super::journal::Happening;
 use crate::tasking::clock::TickLength;
 use crate::tasking::error::TaskingError;
 use crate::tasking::setup::actions::UNLIMITED_S;
@@ -60,6 +62,7 @@ impl TaskingSim {
             if has_image {
                 agent.satellite.awaited_bits = None;
                 agent.images += 1;
+                agent.note(tick.time_s(now), |target| Happening::Imaged { target });
                 agent.needs_action = true;
                 is_ended |= agent.setup.variable_interval;
             }
@@ -67,12 +70,24 @@ impl TaskingSim {
             if let Some(event) = due {
                 agent.timed_event = None;
                 agent.needs_action = true;
-                agent.misses +=
-                    u32::from(event.window_close_s.is_some_and(|close| is_close(tick, now, close)));
+                let is_missed = event.window_close_s.is_some_and(|close| is_close(tick, now, close));
+                agent.misses += u32::from(is_missed);
+                agent.note(tick.time_s(now), |target| {
+                    if is_missed { Happening::Missed { target } } else { Happening::TimeUp }
+                });
                 is_ended |= agent.setup.variable_interval;
             }
         }
         is_ended
+    }
+}
+
+impl Agent {
+    /// Adds to the journal what happened at a time, s, given the target of the last command to image.
+    fn note(&mut self, time_s: f64, happening: impl FnOnce(Option<usize>) -> Happening) {
+        if let Some(journal) = &mut self.journal {
+            journal.add(time_s, happening(self.latest_target));
+        }
     }
 }
 

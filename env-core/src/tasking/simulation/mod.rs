@@ -3,10 +3,12 @@
 //! A step gives actions to the satellites, runs ticks until an event ends it, and then collects data, rewards and knowledge.
 //! [`actions`] gives actions, [`events`] ends steps, [`run`] runs the ticks of one or many episodes side by side.
 
+pub mod access_filter;
 pub mod actions;
 mod agent;
 pub mod communication;
 mod events;
+pub mod journal;
 pub mod observe;
 mod queries;
 mod rewards;

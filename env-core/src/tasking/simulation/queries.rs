@@ -1,7 +1,9 @@
 //! Questions about an episode's satellites and sky.
 
 use super::TaskingSim;
+use super::access_filter::AccessFilter;
 use crate::tasking::access::{Opportunity, OpportunityKind};
+use crate::tasking::error::TaskingError;
 use crate::tasking::observation::eclipse::NO_ECLIPSE;
 use crate::tasking::observation::opportunity::angle_to;
 use crate::tasking::observation::view::Moment;
@@ -14,6 +16,11 @@ impl TaskingSim {
         self.tolerates_missing = true;
         let limit_s = self.time_limit_s();
         self.agents.iter_mut().for_each(|agent| agent.eclipses.search_first_to(limit_s));
+    }
+
+    /// Sets a further condition on the opportunities of a satellite, or removes it.
+    pub fn set_access_filter(&mut self, index: usize, filter: Option<AccessFilter>) {
+        self.agents[index].access_filter = filter;
     }
 
     /// Time limit of the episode, s; may be infinite.
@@ -30,14 +37,27 @@ impl TaskingSim {
         (times != NO_ECLIPSE).then_some(times)
     }
 
-    /// The next windows of a kind, at most `count`, without targets that are known to be imaged.
-    pub fn next_windows(&mut self, index: usize, kind: OpportunityKind, count: usize) -> Vec<Opportunity> {
+    /// The next `count` opportunities of a kind, as BSK-RL finds them: without targets that are known to be imaged and those that the
+    /// access filter does not accept. Fewer are padded with the last.
+    ///
+    /// # Errors
+    /// Returns [`TaskingError::NoOpportunity`] if there is none, and [`TaskingError::Composition`] if the satellite knows no
+    /// opportunities.
+    pub fn next_opportunities(
+        &mut self,
+        index: usize,
+        kind: OpportunityKind,
+        count: usize,
+    ) -> Result<Vec<Opportunity>, TaskingError> {
         let mut found = Vec::new();
         let now_s = self.time_s();
-        match self.agents[index].next_opportunities(kind, count, now_s, &mut self.sky, &mut found) {
-            Ok(()) => found,
-            Err(_) => Vec::new(),
-        }
+        self.agents[index].next_opportunities(kind, count, now_s, &mut self.sky, &mut found)?;
+        Ok(found)
+    }
+
+    /// The next windows of a kind, at most `count`, without targets that are known to be imaged.
+    pub fn next_windows(&mut self, index: usize, kind: OpportunityKind, count: usize) -> Vec<Opportunity> {
+        self.next_opportunities(index, kind, count).unwrap_or_default()
     }
 
     /// Angle between the instrument and a target at a moment, rad.

@@ -9,6 +9,8 @@ use crate::tasking::setup::environment::{Rewarder, Target};
 pub(super) struct NewData {
     /// Target that was imaged.
     pub imaged: Option<usize>,
+    /// Number of satellites that share the reward of the image; 0 if it pays nothing.
+    pub sharers: u32,
     /// Time of scanned data, s.
     pub scanned_s: f64,
     /// Changes of the rewarded properties.
@@ -32,18 +34,26 @@ pub(super) fn collect(agent: &mut Agent, resources: Vec<f64>, are_images_rewarde
     }
     NewData {
         imaged,
+        sharers: 0,
         scanned_s: if level > old_level { (level - old_level) / baud } else { 0.0 },
         resources: changes,
     }
 }
 
-/// Rewards of all satellites for their new data. `rewarded` are the targets that were imaged before.
-pub(super) fn rewards(
-    rewarders: &[Rewarder],
-    data: &[NewData],
-    targets: &[Target],
-    rewarded: &mut TargetSet,
-) -> Vec<f64> {
+/// Counts the satellites that share the reward of each image. Those that image a target in the same step share it; a target that was
+/// imaged before, and is therefore in `rewarded`, pays nothing. Adds the imaged targets to `rewarded`.
+pub(super) fn share_rewards(data: &mut [NewData], rewarded: &mut TargetSet) {
+    let images: Vec<usize> = data.iter().filter_map(|new| new.imaged).collect();
+    for new in data {
+        if let Some(target) = new.imaged.filter(|target| !rewarded.contains(*target)) {
+            new.sharers = images.iter().map(|image| u32::from(*image == target)).sum();
+        }
+    }
+    images.into_iter().for_each(|target| rewarded.insert(target));
+}
+
+/// Rewards of all satellites for their new data.
+pub(super) fn rewards(rewarders: &[Rewarder], data: &[NewData], targets: &[Target]) -> Vec<f64> {
     let mut rewards = vec![0.0; data.len()];
     let mut resource = 0;
     for rewarder in rewarders {
@@ -51,7 +61,7 @@ pub(super) fn rewards(
             *reward += match rewarder {
                 Rewarder::None => 0.0,
                 Rewarder::ScanningTime { value_per_second } => new.scanned_s * value_per_second,
-                Rewarder::UniqueImages => image_reward(new, data, targets, rewarded),
+                Rewarder::UniqueImages => image_reward(new, targets),
                 Rewarder::Resource { weight, .. } => {
                     weight * new.resources.get(resource).copied().unwrap_or_default()
                 }
@@ -59,15 +69,13 @@ pub(super) fn rewards(
         }
         resource += usize::from(matches!(rewarder, Rewarder::Resource { .. }));
     }
-    if rewarders.contains(&Rewarder::UniqueImages) {
-        data.iter().filter_map(|new| new.imaged).for_each(|target| rewarded.insert(target));
-    }
     rewards
 }
 
-/// Priority of a target that is imaged for the first time; satellites that image it in the same step share it.
-fn image_reward(new: &NewData, data: &[NewData], targets: &[Target], rewarded: &TargetSet) -> f64 {
-    let Some(target) = new.imaged.filter(|target| !rewarded.contains(*target)) else { return 0.0 };
-    let count = data.iter().filter(|other| other.imaged == Some(target)).count();
-    targets.get(target).map_or(0.0, |t| t.priority) / count as f64
+/// Share of a satellite in the priority of its image.
+fn image_reward(new: &NewData, targets: &[Target]) -> f64 {
+    match new.imaged.and_then(|target| targets.get(target)) {
+        Some(target) if new.sharers > 0 => target.priority / f64::from(new.sharers),
+        _ => 0.0,
+    }
 }

@@ -5,7 +5,7 @@ use std::cmp::Reverse;
 use super::TaskingSim;
 use super::actions::AgentAction;
 use super::communication::{Pair, StepTicks, communication_pairs, share_images};
-use super::rewards::{collect, rewards};
+use super::rewards::{collect, rewards, share_rewards};
 use super::run::{run_all, run_one, run_traced};
 use crate::tasking::error::TaskingError;
 use crate::tasking::setup::environment::{EnvironmentMode, Rewarder};
@@ -28,6 +28,10 @@ pub struct StepResult {
     pub pairs: Vec<Pair>,
     /// Targets that were imaged in the step, by satellite.
     pub imaged: Vec<Option<usize>>,
+    /// Numbers of satellites that share the reward of the image of each satellite; 0 if it has none that pays.
+    pub sharers: Vec<u32>,
+    /// Time of the data that each satellite scanned in the step, s.
+    pub scanned_s: Vec<f64>,
 }
 
 /// Runs a step of several episodes side by side. An episode whose actions are not valid does not take part.
@@ -110,18 +114,23 @@ impl TaskingSim {
         }
         let resources = self.resource_values();
         let are_images_rewarded = self.setup.rewarders.contains(&Rewarder::UniqueImages);
-        let data: Vec<_> = self
+        let mut data: Vec<_> = self
             .agents
             .iter_mut()
             .zip(resources)
             .map(|(agent, resources)| collect(agent, resources, are_images_rewarded))
             .collect();
-        let rewards = rewards(&self.setup.rewarders, &data, &self.setup.targets, &mut self.rewarded);
+        share_rewards(&mut data, &mut self.rewarded);
+        let rewards = rewards(&self.setup.rewarders, &data, &self.setup.targets);
         self.totals.iter_mut().zip(&rewards).for_each(|(total, reward)| *total += reward);
         let pairs = self.communicate();
         let was_alive: Vec<bool> = self.agents.iter().map(|agent| agent.is_alive).collect();
+        let now_s = self.time_s();
         for agent in &mut self.agents {
             agent.is_alive &= agent.satellite.is_alive();
+            if let Some(journal) = &mut agent.journal {
+                journal.now_s = now_s;
+            }
         }
         let truncated = self.time_limit.is_some_and(|limit| self.now >= limit);
         let is_constellation = self.setup.mode == EnvironmentMode::Constellation;
@@ -133,9 +142,8 @@ impl TaskingSim {
             if *was_alive || !is_constellation {
                 *penalty = self.setup.failure_penalty;
             }
-            // BSK-RL deletes the events of a satellite when it dies; those of later actions count.
             if is_constellation && *was_alive {
-                (agent.timed_event, agent.satellite.awaited_bits) = (None, None);
+                agent.delete_events();
             }
         }
         let limit_terminates = truncated && self.setup.clock.terminate_on_time_limit;
@@ -147,7 +155,19 @@ impl TaskingSim {
             truncated,
             pairs,
             imaged: data.iter().map(|new| new.imaged).collect(),
+            sharers: data.iter().map(|new| new.sharers).collect(),
+            scanned_s: data.iter().map(|new| new.scanned_s).collect(),
         })
+    }
+
+    /// Declares a satellite dead that the checks of the simulation call alive. It takes no action any more, and in a constellation it
+    /// ends no step.
+    pub fn set_dead(&mut self, index: usize) {
+        let agent = &mut self.agents[index];
+        if agent.is_alive && self.setup.mode == EnvironmentMode::Constellation {
+            agent.delete_events();
+        }
+        agent.is_alive = false;
     }
 
     /// Lets satellites share data, unless the last time is too recent.
