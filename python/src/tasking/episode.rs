@@ -133,6 +133,18 @@ impl NativeTaskingEpisode {
         Ok(values)
     }
 
+    /// Returns the stored data of a satellite, bits: of the instrument's partition, and of all others.
+    fn stored(&self, satellite: usize) -> PyResult<[f64; 2]> {
+        self.check(satellite)?;
+        Ok(self.sim.satellite(satellite).stored())
+    }
+
+    /// Returns the share of sunlight that the panel of a satellite received in the last tick.
+    fn illumination(&self, satellite: usize) -> PyResult<f64> {
+        self.check(satellite)?;
+        Ok(self.sim.illumination(satellite))
+    }
+
     /// Returns the times at which the next eclipse begins and the next one ends, s; both 1 if there is none within hours.
     fn next_eclipse(&mut self, satellite: usize) -> PyResult<[f64; 2]> {
         self.check(satellite)?;

@@ -7,6 +7,7 @@ use crate::tasking::error::TaskingError;
 use crate::tasking::observation::eclipse::NO_ECLIPSE;
 use crate::tasking::observation::opportunity::angle_to;
 use crate::tasking::observation::view::Moment;
+use crate::tasking::satellite::eclipse::illumination;
 use crate::tasking::vector3::{Matrix3, Vector3, rotate};
 
 impl TaskingSim {
@@ -70,6 +71,16 @@ impl TaskingSim {
     #[must_use]
     pub fn planet_position(&self, index: usize) -> Vector3<f64> {
         rotate(&self.planet_from_inertial(), &self.agents[index].satellite.state.position)
+    }
+
+    /// Share of sunlight that the panel of a satellite received in the last tick, 0 to 1. Basilisk computes it from the positions of
+    /// the tick before, and there is none at the start.
+    #[must_use]
+    pub fn illumination(&self, index: usize) -> f64 {
+        let Some(tick) = self.now.checked_sub(1) else { return 1.0 };
+        let time_s = self.setup.clock.tick.time_s(tick);
+        let position = self.agents[index].satellite.orbit().arc(time_s).position(time_s);
+        illumination(&position, &self.sky.sun(time_s))
     }
 
     /// Rotation from the inertial to the planet-fixed frame.
