@@ -4,7 +4,9 @@
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TaskingError {
     /// An epoch is not a UTC text.
-    #[error("`{text}` is not an epoch such as `2004 MAY 17 05:21:09.359 (UTC)` of the years 1999 to 2099")]
+    #[error(
+        "`{text}` is not an epoch such as `2004 MAY 17 05:21:09.359 (UTC)` or `2004-05-17T05:21:09.359` of the years 1972 to 2099"
+    )]
     Epoch {
         /// Start of the text.
         text: String,

@@ -6,19 +6,46 @@ use super::error::TaskingError;
 const MONTHS: [&str; 12] =
     ["JAN", "FEB", "MAR", "APR", "MAY", "JUN", "JUL", "AUG", "SEP", "OCT", "NOV", "DEC"];
 
-/// Leap seconds since 1999: year, month and the difference TAI − UTC from the first of that month, s (IERS Bulletin C).
-const LEAP_SECONDS: [(i32, u32, f64); 6] =
-    [(1999, 1, 32.0), (2006, 1, 33.0), (2009, 1, 34.0), (2012, 7, 35.0), (2015, 7, 36.0), (2017, 1, 37.0)];
+/// Year and month of the first day after each leap second since 1972, when the difference TAI − UTC was 10 s (IERS Bulletin C).
+const LEAP_SECONDS: [(i32, u32); 27] = [
+    (1972, 7),
+    (1973, 1),
+    (1974, 1),
+    (1975, 1),
+    (1976, 1),
+    (1977, 1),
+    (1978, 1),
+    (1979, 1),
+    (1980, 1),
+    (1981, 7),
+    (1982, 7),
+    (1983, 7),
+    (1985, 7),
+    (1988, 1),
+    (1990, 1),
+    (1991, 1),
+    (1992, 7),
+    (1993, 7),
+    (1994, 7),
+    (1996, 1),
+    (1997, 7),
+    (1999, 1),
+    (2006, 1),
+    (2009, 1),
+    (2012, 7),
+    (2015, 7),
+    (2017, 1),
+];
 
-/// First year of valid epochs.
-const FIRST_YEAR: i32 = 1999;
+/// First year of valid epochs, in which leap seconds began.
+const FIRST_YEAR: i32 = 1972;
 /// Last year of valid epochs: the Sun's series covers 1900–2100.
 const LAST_YEAR: i32 = 2099;
 
 /// A moment in coordinated universal time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Epoch {
-    /// Year, 1999 to 2099.
+    /// Year, 1972 to 2099.
     pub year: i32,
     /// Month, 1 to 12.
     pub month: u32,
@@ -33,32 +60,43 @@ pub struct Epoch {
 }
 
 impl Epoch {
-    /// Reads a text such as `2004 MAY 17 05:21:09.359 (UTC)`.
+    /// Reads a text such as `2004 MAY 17 05:21:09.359 (UTC)`, or one of ISO 8601 such as `2004-05-17T05:21:09.359`.
     ///
     /// # Errors
-    /// Returns [`TaskingError::Epoch`] if the text is not of this form or the year is out of range.
+    /// Returns [`TaskingError::Epoch`] if the text is not of these forms or the year is out of range.
     pub fn parse(text: &str) -> Result<Self, TaskingError> {
-        let invalid = || TaskingError::Epoch { text: text.chars().take(60).collect() };
-        let mut words = text.split_whitespace();
-        let mut word = || words.next().ok_or_else(invalid);
-        let year: i32 = word()?.parse().map_err(|_| invalid())?;
-        let month = word()?.to_ascii_uppercase();
-        let month = MONTHS.iter().position(|name| *name == month).ok_or_else(invalid)? as u32 + 1;
-        let day: u32 = word()?.parse().map_err(|_| invalid())?;
-        let mut clock = word()?.splitn(3, ':');
-        let mut part = || clock.next().ok_or_else(invalid);
-        let (hour, minute) = (part()?, part()?);
-        let second: f64 = part()?.parse().map_err(|_| invalid())?;
-        let epoch = Self {
-            year,
-            month,
-            day,
-            hour: hour.parse().map_err(|_| invalid())?,
-            minute: minute.parse().map_err(|_| invalid())?,
-            second,
+        let epoch = Self::parse_parts(text).filter(Self::is_valid);
+        epoch.ok_or_else(|| TaskingError::Epoch { text: text.chars().take(60).collect() })
+    }
+
+    /// Reads the parts of a text; `None` if it is not of a known form.
+    fn parse_parts(text: &str) -> Option<Self> {
+        let words: Vec<&str> = text.split(|c: char| c.is_whitespace() || c == 'T').collect();
+        let words: Vec<&str> = match words.first().filter(|word| word.contains('-')) {
+            // A date of ISO 8601 has its three parts in one word.
+            Some(date) => date.split('-').chain(words[1..].iter().copied()).collect(),
+            None => text.split_whitespace().collect(),
         };
-        let zone_is_valid = matches!((words.next(), words.next()), (None | Some("(UTC)" | "UTC"), None));
-        if zone_is_valid && epoch.is_valid() { Ok(epoch) } else { Err(invalid()) }
+        let (year, month, day, clock, zone) = match words[..] {
+            [year, month, day, clock] => (year, month, day, clock.trim_end_matches('Z'), "UTC"),
+            [year, month, day, clock, zone] => (year, month, day, clock, zone),
+            _ => return None,
+        };
+        let is_named = |name: &str| name.eq_ignore_ascii_case(month);
+        let month = match MONTHS.iter().position(|name| is_named(name)) {
+            Some(index) => index as u32 + 1,
+            None => month.parse().ok().filter(|month| (1..=12).contains(month))?,
+        };
+        let mut clock = clock.splitn(3, ':');
+        let epoch = Self {
+            year: year.parse().ok()?,
+            month,
+            day: day.parse().ok()?,
+            hour: clock.next()?.parse().ok()?,
+            minute: clock.next()?.parse().ok()?,
+            second: clock.next()?.parse().ok()?,
+        };
+        matches!(zone, "(UTC)" | "UTC").then_some(epoch)
     }
 
     fn is_valid(&self) -> bool {
@@ -74,9 +112,8 @@ impl Epoch {
     /// TDB − TT is the one term of SPICE's leap-second kernel: 1.657 ms · sin(M + 0.01671 sin M).
     #[must_use]
     pub fn tdb_s(&self) -> f64 {
-        let leap =
-            LEAP_SECONDS.iter().rev().find(|(year, month, _)| (self.year, self.month) >= (*year, *month));
-        let tai_minus_utc = leap.map_or(LEAP_SECONDS[0].2, |entry| entry.2);
+        let leap_seconds = LEAP_SECONDS.iter().filter(|from| (self.year, self.month) >= **from).count();
+        let tai_minus_utc = 10.0 + leap_seconds as f64;
         let days = days_since_2000(self.year, self.month, self.day);
         let of_day = f64::from(self.hour) * 3600.0 + f64::from(self.minute) * 60.0 + self.second;
         let tt = f64::from(days) * 86_400.0 - 43_200.0 + of_day + tai_minus_utc + 32.184;
@@ -121,8 +158,33 @@ mod tests {
         let text = "2004 MAY 17 05:21:09.359 (UTC)";
         assert_eq!(Epoch::parse(text).unwrap().to_string(), text);
         assert_eq!(Epoch::parse("2000 JAN 01 12:00:00").unwrap().tdb_s().round(), 64.0);
-        for text in ["", "2004 MAY", "2004 MAI 17 05:21:09", "2004 FEB 30 00:00:00", "1998 MAY 17 05:21:09"] {
+        for text in ["", "2004 MAY", "2004 MAI 17 05:21:09", "2004 FEB 30 00:00:00", "1971 MAY 17 05:21:09"] {
             assert!(Epoch::parse(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn iso_epochs_are_read() {
+        for text in ["2004-05-17T05:21:09.359", "2004-05-17 05:21:09.359", "2004-05-17T05:21:09.359Z"] {
+            assert_eq!(Epoch::parse(text).unwrap().to_string(), "2004 MAY 17 05:21:09.359 (UTC)", "{text}");
+        }
+        for text in
+            ["2004-13-17T05:21:09", "2004-05T05:21:09", "2004-05-17T05:21", "2004-05-17T05:21:09+01:00"]
+        {
+            assert!(Epoch::parse(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn leap_seconds_are_added() {
+        // TAI − UTC: 10 s in 1972, 25 s from 1990 January 1, 32 s in 2000, 37 s since 2017.
+        for (text, expected) in [
+            ("1972 JAN 01 00:00:00", -883_655_957.8),
+            ("1989 DEC 31 23:59:59", -315_575_944.8),
+            ("1990 JAN 01 00:00:00", -315_575_942.8),
+            ("2017 JAN 01 00:00:00", 536_500_869.2),
+        ] {
+            assert!((Epoch::parse(text).unwrap().tdb_s() - expected).abs() < 0.1, "{text}");
         }
     }
 

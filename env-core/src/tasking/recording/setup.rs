@@ -18,7 +18,7 @@ use crate::tasking::setup::environment::{
     AgentSetup, ClockSetup, Communicator, EnvironmentMode, GenerationTimes, GroundStation, Links, Rewarder,
     SatelliteClass, Target,
 };
-use crate::tasking::setup::{ArgValue, DynamicsModel, SatelliteArgs, Setup, SoftwareModel};
+use crate::tasking::setup::{ArgValue, Atmosphere, DynamicsModel, SatelliteArgs, Setup, SoftwareModel};
 use crate::tasking::time::Epoch;
 
 /// Reads the set-up of a recording under a gravity model.
@@ -29,6 +29,10 @@ pub fn read_setup(recording: &Value, gravity: GravityModel) -> ReadResult<Setup>
     let env = member(recording, "env")?;
     let world = member(recording, "world_args")?;
     let agents = list_of(recording, "satellites")?.iter().map(read_agent).collect::<ReadResult<Vec<_>>>()?;
+    let atmosphere = read_atmosphere(world)?;
+    for AgentSetup { satellite, .. } in &agents {
+        atmosphere.check_negligible(&satellite.name, &satellite.args).map_err(text)?;
+    }
     let mode = match text_of(env, "cls")? {
         "ConstellationTasking" => EnvironmentMode::Constellation,
         _ => EnvironmentMode::General,
@@ -72,6 +76,17 @@ fn read_targets(recording: &Value) -> ReadResult<Vec<Target>> {
             })
         })
         .collect()
+}
+
+/// The atmosphere of the world arguments; missing ones have their defaults.
+fn read_atmosphere(world: &Value) -> ReadResult<Atmosphere> {
+    let Atmosphere { planet_radius_m, base_density_kg_m3, scale_height_m } = Atmosphere::default();
+    let own = |name: &str, default: f64| world.get(name).map_or(Ok(default), number);
+    Ok(Atmosphere {
+        planet_radius_m: own("planetRadius", planet_radius_m)?,
+        base_density_kg_m3: own("baseDensity", base_density_kg_m3)?,
+        scale_height_m: own("scaleHeight", scale_height_m)?,
+    })
 }
 
 fn read_stations(world: &Value) -> ReadResult<Vec<GroundStation>> {

@@ -209,12 +209,10 @@ impl SatelliteArgs {
         reader.number("hs_min", &mut self.desat_min_momentum)?;
         let mut counter = f64::from(self.desat_max_counter);
         reader.number("maxCounterValue", &mut counter)?;
-        if !(0.0..=1e6).contains(&counter) || counter.fract() != 0.0 {
-            return Err(TaskingError::invalid(
-                "maxCounterValue",
-                "must be an integer from 0 to 1000000",
-                counter,
-            ));
+        // With 0, a command of BSK-RL replaces the one before it is executed; no pulse would be the one that was asked for.
+        if !(1.0..=1e6).contains(&counter) || counter.fract() != 0.0 {
+            let requirement = "must be an integer from 1 to 1000000";
+            return Err(TaskingError::invalid("maxCounterValue", requirement, counter));
         }
         self.desat_max_counter = counter as u32;
         reader.number("thrMinFireTime", &mut self.thruster_min_fire_s)?;
