@@ -1,19 +1,23 @@
 //! Speed of the tasking world: batches, single environments and resets, with random actions and all observations.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Context;
-use env_core::Seed;
 use env_core::episode_rng::{EpisodeRng, RngStream, SeededRng};
+use env_core::rollout::{ReplayItem, replay_all, roll_out};
 use env_core::tasking::environments::TaskingEnvironment;
 use env_core::tasking::simulation::{AgentAction, StepResult, TaskingSim, step_all};
 use env_core::tasking::tick::dispatch::InstructionSet;
+use env_core::{Recipe, Scenario, Seed, TaskSpec};
 use serde_json::{Value, json};
 
 use crate::Row;
 
 /// Environments of a batch.
 const ENVS: usize = 64;
+/// Episodes that are replayed together, as many as an audit replays on one thread.
+const AUDITED: usize = 32;
 /// Duration of a measurement, s.
 const SECONDS: f64 = 3.0;
 /// Time of BSK-RL for a second of a scanning satellite, ns, measured for this project on another machine.
@@ -26,6 +30,9 @@ pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
         rows.push(Stepper::new(environment, ENVS)?.row(1000.0)?);
         rows.push(Stepper::new(environment, 1)?.row(250.0)?);
         rows.push(reset_row(environment)?);
+    }
+    for task in env_core::tasks().filter(|task| task.world() == env_core::tasking::WORLD_ID) {
+        rows.push(audit_row(task)?);
     }
     Ok(rows)
 }
@@ -173,6 +180,34 @@ fn reset_row(environment: TaskingEnvironment) -> anyhow::Result<Row> {
         measured: format!("{:.0} µs", seconds_per_reset(environment, 1.0)? * 1e6),
         goal: String::new(),
         ratio: None,
+    })
+}
+
+/// Measures replays of episodes of level 3 on one core, as an audit makes them.
+fn audit_row(task: &'static dyn TaskSpec) -> anyhow::Result<Row> {
+    /// Goal for the scanning task, episodes/s.
+    const GOAL: f64 = 500.0;
+    let recipe = Arc::new(Recipe::with_params(task, task.levels().params(3))?);
+    let mut episodes = Vec::with_capacity(AUDITED);
+    for seed in 0..AUDITED as u64 {
+        let scenario = Scenario::new(Arc::clone(&recipe), Seed::user(seed).context("the seed is too large")?);
+        let mut policy = task.policy("heuristic", &scenario, 0)?;
+        let log = roll_out(&scenario, &mut *policy)?.log;
+        episodes.push((scenario, log));
+    }
+    let items: Vec<_> = episodes.iter().map(|(scenario, log)| ReplayItem { scenario, log }).collect();
+    let begun = Instant::now();
+    let mut replayed = 0;
+    while begun.elapsed().as_secs_f64() < 1.0 {
+        replayed += replay_all(&items).into_iter().filter(Result::is_ok).count();
+    }
+    let rate = replayed as f64 / begun.elapsed().as_secs_f64();
+    let is_scanning = task.id() == "tasking/scanning";
+    Ok(Row {
+        label: format!("audit of {}, {AUDITED} episodes together", task.id()),
+        measured: format!("{rate:.0} episodes/s"),
+        goal: if is_scanning { format!("≥ {GOAL} episodes/s") } else { String::new() },
+        ratio: is_scanning.then_some(rate / GOAL),
     })
 }
 

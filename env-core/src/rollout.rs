@@ -50,6 +50,23 @@ pub fn replay(scenario: &Scenario, log: &ActionLog) -> Result<EpisodeOutcome, Re
     Ok(episode.outcome())
 }
 
+/// An episode to be replayed.
+#[derive(Debug, Clone, Copy)]
+pub struct ReplayItem<'a> {
+    /// Scenario of the episode.
+    pub scenario: &'a Scenario,
+    /// Actions of the episode.
+    pub log: &'a ActionLog,
+}
+
+/// Replays several logs with the same outcomes as [`replay`], each by itself. Those of one task that follow each other are replayed
+/// together, which is faster in worlds that step episodes side by side.
+#[must_use]
+pub fn replay_all(items: &[ReplayItem<'_>]) -> Vec<Result<EpisodeOutcome, ReplayError>> {
+    let runs = items.chunk_by(|a, b| a.scenario.task().id() == b.scenario.task().id());
+    runs.flat_map(|run| run[0].scenario.task().replay_all(run)).collect()
+}
+
 /// Calls `step` with each action of a log, then with hold if the log stopped early, until it returns that the episode is
 /// over.
 ///
@@ -59,24 +76,51 @@ pub(crate) fn step_through(
     log: &ActionLog,
     mut step: impl FnMut(JointAction<'_>) -> Result<bool, StepError>,
 ) -> Result<(), LogError> {
-    let (mut steps, mut done) = (0, false);
-    let mut advance = |action: JointAction<'_>, steps: &mut u32| {
-        *steps += 1;
-        step(action).map_err(|source| step_error(*steps as usize - 1, action, source))
-    };
-    for action in log.steps() {
-        if done {
-            return Err(LogError::TooLong { steps: log.len(), ended: steps });
-        }
-        done = advance(action, &mut steps)?;
-    }
-    if !done && log.stopped.is_none() {
-        return Err(LogError::TooShort { steps: log.len() });
-    }
-    while !done {
-        done = advance(JointAction::HOLD, &mut steps)?;
+    let (mut cursor, mut is_done) = (LogCursor::new(log), false);
+    while let Some(action) = cursor.next(is_done)? {
+        is_done = step(action).map_err(|source| cursor.error(action, source))?;
     }
     Ok(())
+}
+
+/// Reads a log step by step while its episode is replayed.
+#[derive(Debug, Clone)]
+pub(crate) struct LogCursor<'a> {
+    log: &'a ActionLog,
+    steps: usize,
+}
+
+impl<'a> LogCursor<'a> {
+    /// Creates a cursor at the start of a log.
+    pub(crate) const fn new(log: &'a ActionLog) -> Self {
+        Self { log, steps: 0 }
+    }
+
+    /// The next action of an episode that is over or not: of the log, then hold if the log stopped early. `None` after the end.
+    ///
+    /// # Errors
+    /// Returns an error if the log is too long, or too short without a stop reason.
+    pub(crate) fn next(&mut self, is_done: bool) -> Result<Option<JointAction<'a>>, LogError> {
+        let (log, steps) = (self.log, self.steps);
+        let is_logged = steps < log.len();
+        if is_done {
+            return if is_logged {
+                Err(LogError::TooLong { steps: log.len(), ended: steps as u32 })
+            } else {
+                Ok(None)
+            };
+        }
+        if !is_logged && log.stopped.is_none() {
+            return Err(LogError::TooShort { steps: log.len() });
+        }
+        self.steps += 1;
+        Ok(Some(log.step(steps))) // hold beyond the end
+    }
+
+    /// The error of the last action, which the episode rejected.
+    pub(crate) fn error(&self, action: JointAction<'_>, source: StepError) -> LogError {
+        step_error(self.steps.saturating_sub(1), action, source)
+    }
 }
 
 /// The error of a rejected step, located by its index and, if one is at fault, its entry.

@@ -29,6 +29,7 @@ use crate::error::{LogError, ReplayError, ScenarioError};
 use crate::log::ActionLog;
 use crate::policy::{Policy, PolicyError, PolicySpec};
 use crate::reflex::Reflex;
+use crate::rollout::{ReplayItem, replay};
 use crate::space::{ActionGrid, ActionSpace, Levels, OptionSpec, ParamSpec, ScoreRange};
 
 /// A task as data.
@@ -122,6 +123,11 @@ pub trait TaskSpec: Send + Sync {
     /// # Errors
     /// Returns [`ScenarioError::Unfair`] if the start is not fair.
     fn start(&self, scenario: &Scenario) -> Result<Box<dyn Episode>, ScenarioError>;
+
+    /// Replays logs of this task, each by itself, with the outcomes of [`replay`](crate::rollout::replay).
+    fn replay_all(&self, items: &[ReplayItem<'_>]) -> Vec<Result<EpisodeOutcome, ReplayError>> {
+        items.iter().map(|item| replay(item.scenario, item.log)).collect()
+    }
 
     /// Computes the bracket: blind panel, floor and reference.
     ///

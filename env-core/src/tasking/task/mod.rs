@@ -12,6 +12,7 @@ mod lane;
 pub mod map;
 pub mod motion;
 mod policies;
+mod replay;
 mod rounding;
 mod rule;
 mod run;
@@ -39,6 +40,7 @@ use crate::error::{LogError, ReplayError, ScenarioError};
 use crate::log::ActionLog;
 use crate::policy::{Policy, PolicyError, PolicySpec};
 use crate::reflex::Reflex;
+use crate::rollout::ReplayItem;
 use crate::space::{ActionGrid, ActionSpace, Axes, Levels, OptionSpec, ParamSpec, ScoreRange};
 use crate::task::{Episode, Recipe, Scenario, TaskMetadata, TaskSpec};
 
@@ -138,6 +140,11 @@ impl TaskSpec for TaskingTask {
 
     fn start(&self, scenario: &Scenario) -> Result<Box<dyn Episode>, ScenarioError> {
         Ok(Box::new(TaskingEpisode::start(scenario)?))
+    }
+
+    /// Replays the logs in lanes.
+    fn replay_all(&self, items: &[ReplayItem<'_>]) -> Vec<Result<EpisodeOutcome, ReplayError>> {
+        replay::replay_all(items)
     }
 
     fn bracket(&self, scenario: &Scenario) -> Result<Bracket, ScenarioError> {

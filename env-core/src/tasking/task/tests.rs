@@ -10,8 +10,8 @@ use crate::batch::{
 };
 use crate::episode_rng::{EpisodeRng, RngStream, SeededRng};
 use crate::error::StepError;
-use crate::log::{ActionLog, JointAction, Precision};
-use crate::rollout::{replay, roll_out};
+use crate::log::{ActionLog, JointAction, Precision, StopReason};
+use crate::rollout::{ReplayItem, replay, replay_all, roll_out};
 use crate::seed::Seed;
 use crate::space::ActionSpace;
 use crate::task::{Recipe, Scenario, StepReport, TaskSpec};
@@ -228,5 +228,36 @@ fn observations_do_not_depend_on_earlier_ones() {
             }
             assert_eq!(observe(&mut seldom), observe(&mut often), "{} {seed}", task.id());
         }
+    }
+}
+
+#[test]
+fn replays_in_lanes_have_single_outcomes() {
+    let scenarios: Vec<Scenario> =
+        tasks().flat_map(|task| [0, 3, 6, 9].map(|level| scenario(task, level, level as u64 + 11))).collect();
+    let mut logs: Vec<ActionLog> = scenarios
+        .iter()
+        .map(|scenario| {
+            let mut policy = scenario.task().policy("random", scenario, 5).unwrap();
+            roll_out(scenario, &mut *policy).unwrap().log
+        })
+        .collect();
+    // One log is too long, one too short, one has an unknown action, and one stops early.
+    logs[1].end_step();
+    for index in [2, 6] {
+        let half = logs[index].len() / 2;
+        logs[index].truncate(half);
+    }
+    logs[5].push_entry(0, &[99.0]);
+    logs[5].end_step();
+    logs[6].stopped = Some(StopReason::TooLate);
+    let items: Vec<_> =
+        scenarios.iter().zip(&logs).map(|(scenario, log)| ReplayItem { scenario, log }).collect();
+    let outcomes = replay_all(&items);
+    assert_eq!(outcomes.len(), items.len());
+    for (index, (item, outcome)) in items.iter().zip(outcomes).enumerate() {
+        let single = replay(item.scenario, item.log);
+        assert_eq!(format!("{outcome:?}"), format!("{single:?}"));
+        assert_eq!(outcome.is_err(), [1, 2, 5].contains(&index), "{index}");
     }
 }
