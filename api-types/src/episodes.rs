@@ -137,6 +137,9 @@ pub struct EpisodeOutcome {
     pub goal: Option<f64>,
     /// Fuel spent by all agents.
     pub fuel_used: f64,
+    /// Duration, s; absent in a world that counts steps.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time_s: Option<f64>,
 }
 
 /// Episode with its scenario.

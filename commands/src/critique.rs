@@ -232,13 +232,15 @@ impl CritiqueReport {
     }
 
     fn outcome(&self) -> String {
-        let EpisodeOutcome { score, steps, lost, fuel_used, .. } = self.flown;
+        let EpisodeOutcome { score, steps, lost, fuel_used, time_s, .. } = self.flown;
         let task = self.scenario.task();
         let agents = task.agents(self.scenario.recipe());
-        let mut text = format!(
-            "{}: score {score:.3}, {lost} of {agents} lost, {steps} steps, fuel used {fuel_used:.2}",
-            task.id()
-        );
+        let mut text = format!("{}: score {score:.3}, {lost} of {agents} lost, {steps} steps", task.id());
+        // A world that measures time spends no fuel.
+        text += &match time_s {
+            Some(time_s) => format!(" in {time_s:.0} s"),
+            None => format!(", fuel used {fuel_used:.2}"),
+        };
         if let Some(bracket) = &self.bracket {
             text += &format!("; floor {:.3}, reference {:.3}", bracket.floor, bracket.reference.score);
         }

@@ -17,6 +17,8 @@ pub struct EpisodeOutcome {
     pub goal: Option<f64>,
     /// Fuel spent by all agents, in the world's unit.
     pub fuel_used: f64,
+    /// Duration of the episode, s; `None` in a world that counts steps.
+    pub time_s: Option<f64>,
 }
 
 /// Smallest difference of reference and floor for which skill is defined. Below it, acting well and acting blindly score

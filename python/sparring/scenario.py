@@ -145,6 +145,8 @@ class EpisodeOutcome:
     goal: float | None
     #: Fuel used by all agents, in the world's unit.
     fuel_used: float
+    #: Duration, s; None in a world that counts steps.
+    time_s: float | None = None
     #: (score - floor)/(reference - floor); only for plans of a bracket, and None if the gap is too small.
     skill: float | None = None
     #: Success by the task's rule; only for plans of a bracket.

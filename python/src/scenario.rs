@@ -170,6 +170,7 @@ fn outcome_json(outcome: &EpisodeOutcome) -> Value {
         "lost": outcome.lost,
         "goal": outcome.goal,
         "fuel_used": outcome.fuel_used,
+        "time_s": outcome.time_s,
     })
 }
 

@@ -24,19 +24,22 @@ pub struct StoredOutcome {
     pub goal: Option<f64>,
     /// Fuel spent by all agents.
     pub fuel_used: f64,
+    /// Duration, s; `None` in a world that counts steps.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time_s: Option<f64>,
 }
 
 impl From<EpisodeOutcome> for StoredOutcome {
     fn from(outcome: EpisodeOutcome) -> Self {
-        let EpisodeOutcome { score, total_reward, steps, lost, goal, fuel_used } = outcome;
-        Self { score, total_reward, steps, lost, goal, fuel_used }
+        let EpisodeOutcome { score, total_reward, steps, lost, goal, fuel_used, time_s } = outcome;
+        Self { score, total_reward, steps, lost, goal, fuel_used, time_s }
     }
 }
 
 impl From<StoredOutcome> for EpisodeOutcome {
     fn from(outcome: StoredOutcome) -> Self {
-        let StoredOutcome { score, total_reward, steps, lost, goal, fuel_used } = outcome;
-        Self { score, total_reward, steps, lost, goal, fuel_used }
+        let StoredOutcome { score, total_reward, steps, lost, goal, fuel_used, time_s } = outcome;
+        Self { score, total_reward, steps, lost, goal, fuel_used, time_s }
     }
 }
 

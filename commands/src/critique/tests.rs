@@ -75,8 +75,15 @@ fn shown(actions: Vec<ActionVerdict>) -> CritiqueReport {
             explanation: "Debris that was seen hit a satellite.".to_owned(),
         },
     };
-    let flown =
-        EpisodeOutcome { score: 0.441, total_reward: 0.44, steps: 50, lost: 2, goal: None, fuel_used: 3.5 };
+    let flown = EpisodeOutcome {
+        score: 0.441,
+        total_reward: 0.44,
+        steps: 50,
+        lost: 2,
+        goal: None,
+        fuel_used: 3.5,
+        time_s: None,
+    };
     CritiqueReport { scenario: scenario(), flown, bracket: None, critique }
 }
 

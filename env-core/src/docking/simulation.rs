@@ -295,6 +295,7 @@ impl DockingSim {
             lost: (left - docked) as u32,
             goal: Some(docked as f64 / self.deputy_count as f64),
             fuel_used: self.delta_v,
+            time_s: None,
         }
     }
 }

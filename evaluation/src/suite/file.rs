@@ -316,7 +316,8 @@ impl OutcomeRow {
 
     const fn into_outcome(self) -> EpisodeOutcome {
         let Self(score, total_reward, steps, lost, goal, fuel_used) = self;
-        EpisodeOutcome { score, total_reward, steps, lost, goal, fuel_used }
+        // A suite does not store durations: no measure of an evaluation needs those of its plans.
+        EpisodeOutcome { score, total_reward, steps, lost, goal, fuel_used, time_s: None }
     }
 }
 

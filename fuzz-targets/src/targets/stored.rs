@@ -218,6 +218,7 @@ fn bracket_seeds() -> Vec<Vec<u8>> {
         lost: 1,
         goal: Some(0.25),
         fuel_used: 2.0,
+        time_s: None,
     };
     let bracket = |plans: usize| Bracket {
         planner_version: 1,

@@ -99,7 +99,7 @@ pub(super) const TABLES: [Table; 8] = [
         columns: columns! {
             Text: "run", "episode", "purpose", "task"; Integer: "level"; Text: "role", "layout"; Boolean: "contested"; Text: "state";
             Real: "score", "skill"; Boolean: "success"; Real: "floor", "reference", "total_reward" = "/outcome/total_reward";
-            Integer: "steps" = "/outcome/steps", "lost" = "/outcome/lost"; Real: "fuel_used" = "/outcome/fuel_used"; Text: "reason";
+            Integer: "steps" = "/outcome/steps", "lost" = "/outcome/lost"; Real: "fuel_used" = "/outcome/fuel_used", "time_s" = "/outcome/time_s"; Text: "reason";
             Json: "metrics"; Integer: "policy_version"; Time: "at"; Text: "replay"; Json: "scenario", "actions";
         },
     },

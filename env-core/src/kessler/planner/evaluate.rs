@@ -34,8 +34,15 @@ pub(crate) fn outcome_with_losses(
     losses: [Option<TrajectoryLoss>; SATELLITES],
 ) -> EpisodeOutcome {
     let is_alive = |i: usize, step: u32| losses[i].is_none_or(|l| step < l.step);
-    let mut outcome =
-        EpisodeOutcome { score: 0.0, total_reward: 0.0, steps: 0, lost: 0, goal: None, fuel_used: 0.0 };
+    let mut outcome = EpisodeOutcome {
+        score: 0.0,
+        total_reward: 0.0,
+        steps: 0,
+        lost: 0,
+        goal: None,
+        fuel_used: 0.0,
+        time_s: None,
+    };
     let mut goal_sum = 0.0;
     for step in 1..=HORIZON {
         let t = step as usize;

@@ -119,6 +119,7 @@ impl<R: EpisodeRng> KesslerSim<R> {
             lost: lost as u32,
             goal: (steps > 0).then(|| self.goal_sum / f64::from(steps)),
             fuel_used: self.fuel_used,
+            time_s: None,
         }
     }
 }

@@ -212,6 +212,7 @@ impl TaskRun {
             lost: self.dead.iter().filter(|dead| **dead).count() as u32,
             goal: None,
             fuel_used: 0.0,
+            time_s: Some(self.sim.time_s()),
         }
     }
 

@@ -146,6 +146,6 @@ fn evaluate(
 
 /// Converts the outcome of an episode.
 pub(super) const fn outcome_response(outcome: env_core::EpisodeOutcome) -> EpisodeOutcome {
-    let env_core::EpisodeOutcome { score, total_reward, steps, lost, goal, fuel_used } = outcome;
-    EpisodeOutcome { score, total_reward, steps, lost, goal, fuel_used }
+    let env_core::EpisodeOutcome { score, total_reward, steps, lost, goal, fuel_used, time_s } = outcome;
+    EpisodeOutcome { score, total_reward, steps, lost, goal, fuel_used, time_s }
 }
