@@ -6,7 +6,6 @@ import math
 from abc import ABC, abstractmethod
 from typing import Any, Literal
 
-import numpy as np
 import numpy.typing as npt
 
 from .errors import invalid
@@ -33,7 +32,7 @@ class TextEpisode(ABC):
         return self._score
 
     @abstractmethod
-    def _advance(self, actions: npt.NDArray[np.float32]) -> None:
+    def _advance(self, actions: npt.NDArray[Any]) -> None:
         """Runs one step with an action of each agent; updates `_score` and `_over`."""
 
     @abstractmethod
@@ -41,7 +40,7 @@ class TextEpisode(ABC):
         """Returns the observation in the wire form of the world."""
 
     @abstractmethod
-    def _hold_action(self) -> npt.NDArray[np.float32]:
+    def _hold_action(self) -> npt.NDArray[Any]:
         """Returns the actions of a step in which all agents hold."""
 
     @abstractmethod
@@ -58,14 +57,14 @@ class TextEpisode(ABC):
         while not self._over:
             self._step(self._hold_action())
 
-    def _repeat(self, actions: npt.NDArray[np.float32], steps: int) -> None:
+    def _repeat(self, actions: npt.NDArray[Any], steps: int) -> None:
         """Runs the same actions for some steps, or until the episode is over."""
         for _ in range(steps):
             self._step(actions)
             if self._over:
                 return
 
-    def _step(self, actions: npt.NDArray[np.float32]) -> None:
+    def _step(self, actions: npt.NDArray[Any]) -> None:
         if self._over:
             # The model reads this message.
             raise ValueError(f"the episode is over; its score is {self._score:.3f}")

@@ -5,6 +5,7 @@ import pytest
 
 import sparring
 from sparring.docking_episode import DockingEpisode, describe_docking
+from sparring.tasking_episode import ImagingEpisode, ScanningEpisode
 from sparring.tool_episode import ToolEpisode
 
 
@@ -86,3 +87,50 @@ def test_docked_deputy_is_described():
         over = terminated or truncated
     assert "Deputy 1 at (" in texts[0] and "- deputy 0 is " in texts[0]
     assert any("has left: docked" in text for text in texts)
+
+
+class LocalScanning(LocalEpisode, ScanningEpisode):
+    """Episode of tasking/scanning in this process."""
+
+
+class LocalImaging(LocalEpisode, ImagingEpisode):
+    """Episode of a task with targets in this process."""
+
+
+def test_tools_of_scanning_run_the_episode():
+    episode = LocalScanning(sparring.Environment("tasking/scanning", params={"time_limit_s": 1200}))
+    assert "\nSecond 0 of 1200, score 0.000.\nSatellite 0 needs an action. Battery " in episode.begin(3)
+    for action, second in [("scan", 180), ("charge", 300), ("downlink", 360), ("desaturate", 420), ("scan", 600)]:
+        text = getattr(episode, action)(0)
+        assert text.startswith(f"Second {second} of 1200, score ") and text == episode.telemetry()
+    assert "Second 1200" not in episode.wait()
+    episode._finish()
+    assert episode.over and episode.score > 0
+    names = sparring.task("tasking/scanning").action_names
+    given = [names[int(index)] for index in np.ravel(episode.env.history[:5])]
+    assert given == ["scan", "charge", "downlink", "desaturate", "scan"]
+    with pytest.raises(ValueError, match="its score is"):
+        episode.scan(0)
+
+
+def test_time_passes_when_all_satellites_have_an_action():
+    params = {"satellites": 2, "time_limit_s": 1800, "targets": 300}
+    episode = LocalImaging(sparring.Environment("tasking/constellation", params=params))
+    assert "- target 9: priority " in episode.begin(5)
+    assert episode.charge(1) == "Satellite 1 will charge. These satellites need an action, too: 0."
+    assert "Second 60 of 1800" in episode.downlink(0)
+    assert "Satellite 1 is busy: charge." in episode.telemetry()
+    with pytest.raises(ValueError, match="satellite 1 is busy; satellites that need an action: 0"):
+        episode.charge(1)
+    text = episode.image(0, 2)
+    assert text.startswith("Second ") and len(episode.env.history) == 2
+    np.testing.assert_array_equal(episode.env.history, [[[11], [10]], [[2], [-1]]])
+
+
+@pytest.mark.parametrize(("field", "value"), [("satellite_id", 1), ("satellite_id", True), ("target", 10), ("target", "a")])
+def test_invalid_argument_of_a_tasking_tool_is_named(field, value):
+    episode = LocalImaging(sparring.Environment("tasking/imaging"))
+    episode.begin(1)
+    with pytest.raises(ValueError, match=f"`{field}` must be"):
+        episode.image(**{"satellite_id": 0, "target": 0, field: value})
+    assert len(episode.env.history) == 0

@@ -16,25 +16,31 @@ envs.close()
 """
 
 from ..docking_episode import DOCKING_PROMPT, describe_docking
+from ..tasking_episode import IMAGING_PROMPT, SCANNING_PROMPT, describe_tasking
 from ..text_episode import Reward
 from ..text_obs import describe_telemetry
 from ..tool_episode import PROMPT
 from .callback import CurriculumCallback
 from .environments import Environments
 from .factory import EnvironmentFactory
-from .tool_environment import DockingEnvironment, ToolEnvironment
+from .tool_environment import DockingEnvironment, ImagingEnvironment, ScanningEnvironment, ToolEnvironment
 from .worker import WorkerFactory
 
 __all__ = [
     "DOCKING_PROMPT",
+    "IMAGING_PROMPT",
     "PROMPT",
+    "SCANNING_PROMPT",
     "CurriculumCallback",
     "DockingEnvironment",
     "EnvironmentFactory",
     "Environments",
+    "ImagingEnvironment",
     "Reward",
+    "ScanningEnvironment",
     "ToolEnvironment",
     "WorkerFactory",
     "describe_docking",
+    "describe_tasking",
     "describe_telemetry",
 ]

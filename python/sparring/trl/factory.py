@@ -16,7 +16,7 @@ from ..errors import invalid, one_of
 from ..text_episode import Reward
 from .group_episodes import GroupEpisodes
 from .shared_version import SharedPolicyVersion
-from .tool_environment import PROMPTS, GroupEnvironment, make_environment, world_of
+from .tool_environment import PROMPTS, GroupEnvironment, make_environment, tools_of
 from .worker import WorkerFactory, WorkerSettings
 
 
@@ -30,7 +30,7 @@ class EnvironmentFactory:
     the server computes its score. Groups are leased ahead; `close` releases them.
 
     Args:
-        curriculum: Curriculum of a run with tasks of kessler, or with one task of docking.
+        curriculum: Curriculum of a run with tasks of kessler, or with one task of docking or tasking.
         group_size: `num_generations` of the trainer.
         reward: Result of `get_reward`: the `score` or the `skill` of the episode. Skill is 0 for the best plan without
             observations and 1 for a planner that knows the scenario. It is 0 if the two have almost equal scores. Both rewards
@@ -57,7 +57,7 @@ class EnvironmentFactory:
         ttl_s: int = 600,
         max_wait_s: float = 600.0,
     ) -> None:
-        self.world = world_of(curriculum.tasks)
+        self.tools = tools_of(curriculum.tasks)
         if reward not in get_args(Reward):
             raise one_of("reward", get_args(Reward), reward)
         if group_size < 1:
@@ -79,7 +79,7 @@ class EnvironmentFactory:
 
     def __call__(self) -> GroupEnvironment:
         """Makes one environment for the trainer."""
-        return make_environment(self.world, self._episodes, self.reward, self.max_debris)
+        return make_environment(self.tools, self._episodes, self.reward, self.max_debris)
 
     def __reduce__(self) -> tuple[Any, ...]:
         if self._shared_version is None:
@@ -90,7 +90,7 @@ class EnvironmentFactory:
             run=self._group_curriculum.run,
             # A spawned process has the environment variables of its parent.
             token=None if token == (read_token(None) or "") else token,
-            world=self.world,
+            tools=self.tools,
             reward=self.reward,
             max_debris=self.max_debris,
             version_file=self._shared_version.path,
@@ -109,7 +109,7 @@ class EnvironmentFactory:
 
     def rows(self, groups: int, prompt: str | None = None) -> list[dict[str, Any]]:
         """Returns the rows of `dataset`."""
-        content = (PROMPTS[self.world] if prompt is None else prompt) + "\n\n"
+        content = (PROMPTS[self.tools] if prompt is None else prompt) + "\n\n"
         messages = [{"role": "user", "content": content}]
         return [{"prompt": messages, "group_id": f"group-{number}"} for number in range(groups)]
 

@@ -13,13 +13,16 @@ from gymnasium.error import ResetNeeded
 from ..docking_episode import DOCKING_PROMPT, DockingEpisode
 from ..scenario import Scenario, bracket
 from ..single import Environment
+from ..tasking_episode import IMAGING_PROMPT, SCANNING_PROMPT, ImagingEpisode, ScanningEpisode
 from ..tasks import have_equal_agents
 from ..text_episode import Reward, TextEpisode
 from ..tool_episode import PROMPT, ToolEpisode
 from .group_episodes import GroupEpisodes
 
-#: Prompt before the first observation, by world.
-PROMPTS = {"kessler": PROMPT, "docking": DOCKING_PROMPT}
+#: Prompt before the first observation, by the tools of a run.
+PROMPTS = {"kessler": PROMPT, "docking": DOCKING_PROMPT, "scanning": SCANNING_PROMPT, "imaging": IMAGING_PROMPT}
+#: Tools of the tasks with targets, and of the others of tasking.
+_TASKING_TOOLS = {"tasking/scanning": "scanning", "tasking/imaging": "imaging", "tasking/constellation": "imaging"}
 
 
 class GroupEnvironment(TextEpisode):
@@ -72,7 +75,7 @@ class GroupEnvironment(TextEpisode):
         """Scenario of the episode; None before the first reset."""
         return None if self._environment is None else self._environment.scenario
 
-    def _advance(self, actions: npt.NDArray[np.float32]) -> None:
+    def _advance(self, actions: npt.NDArray[Any]) -> None:
         _, _, terminated, truncated, info = self._running().step(actions)
         self._score, self._over = info["score"], terminated or truncated
 
@@ -103,25 +106,43 @@ class DockingEnvironment(GroupEnvironment, DockingEpisode):
         return np.zeros(self._running().action_space.shape or (), np.float32)
 
 
-def world_of(tasks: Sequence[str]) -> str:
-    """Returns the world of the tasks of a run.
+class ScanningEnvironment(GroupEnvironment, ScanningEpisode):
+    """Environment of `tasking/scanning` that a language model controls by tool calls.
+
+    TRL offers every public method to the model. `EnvironmentFactory` makes it.
+    """
+
+
+class ImagingEnvironment(GroupEnvironment, ImagingEpisode):
+    """Environment of a tasking task with targets that a language model controls by tool calls.
+
+    TRL offers every public method to the model. `EnvironmentFactory` makes it.
+    """
+
+
+def tools_of(tasks: Sequence[str]) -> str:
+    """Returns the key in `PROMPTS` of the tools of a run's tasks.
 
     Raises:
         ValueError: The tasks need different tools.
     """
-    worlds = {task.split("/")[0] for task in tasks}
-    if not have_equal_agents(tasks) or not worlds <= set(PROMPTS):
+    tools = {_TASKING_TOOLS.get(task, task.split("/")[0]) for task in tasks}
+    if not have_equal_agents(tasks) or len(tools) != 1 or not tools <= set(PROMPTS):
         raise ValueError(
-            f"`curriculum` must be of a run with tasks of kessler, or with one task of docking, got {', '.join(tasks)}; make a"
-            " run for each of the others, and pass sparring.trl.Environments to the trainer"
+            "`curriculum` must be of a run with tasks of kessler, or with one task of docking or tasking, got "
+            f"{', '.join(tasks)}; make a run for each of the others, and pass sparring.trl.Environments to the trainer"
         )
-    return worlds.pop()
+    return tools.pop()
 
 
-def make_environment(world: str, episodes: GroupEpisodes, reward: Reward, max_debris: int) -> GroupEnvironment:
-    """Makes the environment of one member of a group, with the tools of its world."""
-    if world == "docking":
+def make_environment(tools: str, episodes: GroupEpisodes, reward: Reward, max_debris: int) -> GroupEnvironment:
+    """Makes the environment of one member of a group, with these tools."""
+    if tools == "docking":
         return DockingEnvironment(episodes, reward)
+    if tools == "scanning":
+        return ScanningEnvironment(episodes, reward)
+    if tools == "imaging":
+        return ImagingEnvironment(episodes, reward)
     return ToolEnvironment(episodes, reward, max_debris=max_debris)
 
 

@@ -36,8 +36,8 @@ class WorkerSettings:
     run: str
     #: Token; None if the process finds it in `SPARRING_TOKEN`.
     token: str | None
-    #: World of the run's tasks.
-    world: str
+    #: Tools of the run's tasks.
+    tools: str
     reward: Reward
     max_debris: int
     group_size: int
@@ -110,7 +110,7 @@ class WorkerFactory:
     def __call__(self) -> GroupEnvironment:
         """Makes one environment for the trainer."""
         _close_at_exit(self._episodes)
-        return make_environment(self.settings.world, self._episodes, self.settings.reward, self.settings.max_debris)
+        return make_environment(self.settings.tools, self._episodes, self.settings.reward, self.settings.max_debris)
 
     def close(self, timeout_s: float = 60.0) -> None:
         """Submits results and releases unfinished episodes.

@@ -29,11 +29,11 @@ pub(crate) struct NativeTaskingEpisode {
     sim: TaskingSim,
     set: InstructionSet,
     raised: RaisedError,
-    /// What the properties of each satellite need of this tick.
+    /// Values of the current tick from which the properties of each satellite are computed.
     moments: Vec<Option<TickMoment>>,
 }
 
-/// What the properties of a satellite need of a tick.
+/// Values of a tick from which properties of a satellite are computed.
 #[derive(Debug)]
 struct TickMoment {
     tick: u64,

@@ -3,7 +3,7 @@
 use env_core::tasking::simulation::StepResult;
 use pyo3::prelude::*;
 
-/// What the satellites of an episode gained in a step. The lists have one item for each satellite.
+/// Data that the satellites of an episode gained in a step. The lists have one item for each satellite.
 #[pyclass(frozen, module = "sparring._native")]
 #[derive(Debug, Clone)]
 pub(crate) struct NativeTaskingStep(StepResult);

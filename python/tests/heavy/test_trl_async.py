@@ -82,7 +82,7 @@ def test_pickled_factory_has_the_address_of_the_run(url, monkeypatch):
         assert isinstance(worker, sparring.trl.WorkerFactory)
         settings = worker.settings
         assert (settings.url, settings.run, settings.token) == (url, envs.curriculum.run, "sparring-secret")
-        assert (settings.reward, settings.max_debris, settings.lease_groups, settings.world) == ("skill", 3, 2, "kessler")
+        assert (settings.reward, settings.max_debris, settings.lease_groups, settings.tools) == ("skill", 3, 2, "kessler")
         # A spawned process reads the variable itself.
         monkeypatch.setenv("SPARRING_TOKEN", "sparring-secret")
         assert b"sparring-secret" not in pickle.dumps(envs)

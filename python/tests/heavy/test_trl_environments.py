@@ -59,6 +59,26 @@ def test_docking_tools_have_the_schemas_that_trl_needs(url):
         assert get_json_schema(env.coast)["function"]["parameters"]["required"] == ["seconds"]
 
 
+@pytest.mark.parametrize(("task", "work"), [("tasking/scanning", "scan"), ("tasking/imaging", "image")])
+def test_tasking_group_runs_by_tools(url, task, work):
+    with open_factory(url, task) as factory:
+        assert "satellite" in factory.rows(1)[0]["prompt"][0]["content"]
+        members = [factory() for _ in range(4)]
+        public = {name for name, _ in inspect.getmembers(type(members[0]), inspect.isfunction) if not name.startswith("_")}
+        assert public == {"reset", "get_reward", work, "charge", "downlink", "desaturate", "wait", "telemetry"}
+        schema = get_json_schema(getattr(members[0], work))["function"]["parameters"]
+        assert schema["required"] == ["satellite_id", "target"] if work == "image" else ["satellite_id"]
+        texts = {member.reset(group_id="a", prompt=[]) for member in members}
+        assert len(texts) == 1 and "Satellite 0 needs an action." in min(texts)
+        assert "Second 120 of" in members[0].charge(0)
+        with pytest.raises(ValueError, match="satellite_id"):
+            members[0].charge(1)
+        rewards = [member.get_reward() for member in members]
+        factory.flush()
+        assert all(member.over for member in members) and rewards == [member.score for member in members]
+        assert factory.stats()["accepted"] == 4
+
+
 def test_docking_group_shares_a_scenario_and_scores_match(url):
     with open_factory(url, "docking/multiagent") as factory:
         members = [factory() for _ in range(4)]
