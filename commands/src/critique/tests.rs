@@ -22,8 +22,8 @@ fn scenario() -> Scenario {
     Scenario::new(recipe, Seed::user(7).unwrap())
 }
 
-fn shown(actions: Vec<ActionVerdict>) -> CritiqueReport {
-    let hit = Failure {
+fn collision() -> Failure {
+    Failure {
         mode: "collision",
         agent: 1,
         step: 17,
@@ -40,7 +40,11 @@ fn shown(actions: Vec<ActionVerdict>) -> CritiqueReport {
         measures: Vec::new(),
         explanation: "debris 4 hit satellite 1 at step 17, from ahead; a burn at step 14 would have saved it"
             .to_owned(),
-    };
+    }
+}
+
+fn shown(actions: Vec<ActionVerdict>) -> CritiqueReport {
+    let hit = collision();
     let unseen = Encounter {
         avoidable: None,
         first_visible_step: None,

@@ -2,7 +2,7 @@
 
 use super::TaskingSim;
 use super::agent::{ActionKey, Agent, TimedEvent};
-use super::journal::Happening;
+use super::journal::SatelliteEvent;
 use crate::tasking::access::{Opportunity, OpportunityKind};
 use crate::tasking::clock::TickLength;
 use crate::tasking::error::TaskingError;
@@ -139,7 +139,7 @@ impl Agent {
             Choice::Image { window, max_duration_s } => {
                 let Opportunity { object: target, open_s, close_s, .. } = window;
                 if let Some(journal) = &mut self.journal {
-                    journal.add(now_s, Happening::Tasked { target, open_s, close_s });
+                    journal.add(now_s, SatelliteEvent::Tasked { target, open_s, close_s });
                 }
                 let key = ActionKey::Target(target);
                 if self.last_action != Some(key) {

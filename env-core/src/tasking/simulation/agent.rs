@@ -1,7 +1,7 @@
 //! A satellite with its tasking: opportunities, current action and known data.
 
 use super::access_filter::AccessFilter;
-use super::journal::{Happening, Journal};
+use super::journal::{Journal, SatelliteEvent};
 use super::target_set::TargetSet;
 use crate::tasking::access::{GroundTrack, LocationSet, Opportunity, OpportunityKind, OpportunityList};
 use crate::tasking::error::TaskingError;
@@ -152,7 +152,7 @@ impl Agent {
             return Ok(());
         };
         if let Some(journal) = &mut self.journal {
-            journal.add_now(Happening::Search { from_s, to_s: end_s });
+            journal.add_now(SatelliteEvent::Search { from_s, to_s: end_s });
         }
         self.eclipses.extend_to(end_s, self.satellite.orbit_mut(), sky);
         self.search_track.extend_to(end_s, self.satellite.orbit_mut(), sky);

@@ -2,7 +2,7 @@
 
 use super::TaskingSim;
 use super::agent::Agent;
-use super::journal::Happening;
+use super::journal::SatelliteEvent;
 use crate::tasking::clock::TickLength;
 use crate::tasking::error::TaskingError;
 use crate::tasking::setup::actions::UNLIMITED_S;
@@ -62,7 +62,7 @@ impl TaskingSim {
             if has_image {
                 agent.satellite.awaited_bits = None;
                 agent.images += 1;
-                agent.note(tick.time_s(now), |target| Happening::Imaged { target });
+                agent.note(tick.time_s(now), |target| SatelliteEvent::Imaged { target });
                 agent.needs_action = true;
                 is_ended |= agent.setup.variable_interval;
             }
@@ -73,7 +73,7 @@ impl TaskingSim {
                 let is_missed = event.window_close_s.is_some_and(|close| is_close(tick, now, close));
                 agent.misses += u32::from(is_missed);
                 agent.note(tick.time_s(now), |target| {
-                    if is_missed { Happening::Missed { target } } else { Happening::TimeUp }
+                    if is_missed { SatelliteEvent::Missed { target } } else { SatelliteEvent::TimeUp }
                 });
                 is_ended |= agent.setup.variable_interval;
             }
@@ -84,9 +84,9 @@ impl TaskingSim {
 
 impl Agent {
     /// Adds to the journal what happened at a time, s, given the target of the last command to image.
-    fn note(&mut self, time_s: f64, happening: impl FnOnce(Option<usize>) -> Happening) {
+    fn note(&mut self, time_s: f64, event: impl FnOnce(Option<usize>) -> SatelliteEvent) {
         if let Some(journal) = &mut self.journal {
-            journal.add(time_s, happening(self.latest_target));
+            journal.add(time_s, event(self.latest_target));
         }
     }
 }

@@ -4,7 +4,7 @@ use super::TaskingSim;
 
 /// What happened to a satellite.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Happening {
+pub enum SatelliteEvent {
     /// Opportunities were searched for.
     Search {
         /// Start of the searched time, s.
@@ -43,7 +43,7 @@ pub struct JournalEntry {
     /// Index of the satellite.
     pub satellite: usize,
     /// What happened to it.
-    pub happening: Happening,
+    pub event: SatelliteEvent,
 }
 
 /// Journal of one satellite.
@@ -57,13 +57,13 @@ pub(super) struct Journal {
 
 impl Journal {
     /// Adds an entry of the time between two steps.
-    pub(super) fn add_now(&mut self, happening: Happening) {
-        self.add(self.now_s, happening);
+    pub(super) fn add_now(&mut self, event: SatelliteEvent) {
+        self.add(self.now_s, event);
     }
 
     /// Adds an entry at a time, s.
-    pub(super) fn add(&mut self, time_s: f64, happening: Happening) {
-        self.entries.push(JournalEntry { time_s, satellite: self.satellite, happening });
+    pub(super) fn add(&mut self, time_s: f64, event: SatelliteEvent) {
+        self.entries.push(JournalEntry { time_s, satellite: self.satellite, event });
     }
 }
 
