@@ -3,11 +3,11 @@
 use std::io::Write;
 use std::time::Duration;
 
-use system_tests::crash::{CrashPlan, StopCondition, run_crash_test};
+use system_tests::crash::{CrashPlan, CrashWorld, StopCondition, run_crash_test};
 
 use crate::Row;
 
-pub(crate) fn measure(minutes: u32) -> anyhow::Result<Vec<Row>> {
+pub(crate) fn measure(minutes: u32, world: CrashWorld) -> anyhow::Result<Vec<Row>> {
     let folder = tempfile::tempdir()?;
     // The control file of the faults is beside the folder of the database.
     let data = folder.path().join("data");
@@ -15,6 +15,7 @@ pub(crate) fn measure(minutes: u32) -> anyhow::Result<Vec<Row>> {
     let until = StopCondition::Time(Duration::from_secs(60 * u64::from(minutes)));
     let seed = u64::from(std::process::id());
     let plan = CrashPlan {
+        world,
         until,
         seed,
         min_lifetime_ms: 50,

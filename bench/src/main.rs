@@ -26,6 +26,7 @@ mod tasking;
 use std::io::Write;
 
 use clap::Parser;
+use system_tests::crash::CrashWorld;
 
 /// Measures Sparring against its goals. Run it on an idle machine: `make bench`.
 #[derive(Debug, Parser)]
@@ -33,14 +34,15 @@ struct Args {
     /// Benchmarks to run; default: all that measure speed.
     ///
     /// `soak` loads the server and watches its memory. `growth` reports ten million episodes and watches the database.
-    /// `crash` kills servers under trainers and compares acknowledgements with the database. `load` runs 64 trainers.
+    /// `crash` kills servers under trainers of kessler and compares acknowledgements with the database, `crash-tasking` under
+    /// those of tasking. `load` runs 64 trainers.
     /// `runs` fills a database with runs, `slow-clients` opens connections of one byte a second beside trainers, and
     /// `large-database` measures start, lists, backup and vacuum with a database of ten GiB.
     /// `levels` prints the success of policies at every level. `learner` trains the demo's learner with and without the
     /// designer, for twenty minutes.
-    #[arg(value_parser = ["engine", "bracket", "critique", "curriculum", "steps", "results", "columns", "sockets", "stepping", "growth", "crash", "load", "soak", "runs", "slow-clients", "large-database", "designer", "learner", "levels", "tasking"])]
+    #[arg(value_parser = ["engine", "bracket", "critique", "curriculum", "steps", "results", "columns", "sockets", "stepping", "growth", "crash", "crash-tasking", "load", "soak", "runs", "slow-clients", "large-database", "designer", "learner", "levels", "tasking"])]
     benchmarks: Vec<String>,
-    /// Duration of `soak`, `crash` and `load`, in minutes
+    /// Duration of `soak`, `crash`, `crash-tasking` and `load`, in minutes
     #[arg(long, default_value_t = 10)]
     minutes: u32,
     /// Number of episodes that `growth` reports
@@ -124,12 +126,13 @@ fn main() -> anyhow::Result<()> {
         ("tasking", &tasking::measure),
     ];
     // These take minutes and run only if they are named.
-    let long: [(&str, Measure<'_>); 9] = [
+    let long: [(&str, Measure<'_>); 10] = [
         ("runs", &|| scale::many_runs::measure(args.runs)),
         ("slow-clients", &|| scale::slow_clients::measure(args.connections)),
         ("large-database", &|| scale::large_database::measure(args.gib)),
         ("load", &|| load::measure(args.minutes)),
-        ("crash", &|| crash::measure(args.minutes)),
+        ("crash", &|| crash::measure(args.minutes, CrashWorld::Kessler)),
+        ("crash-tasking", &|| crash::measure(args.minutes, CrashWorld::Tasking)),
         ("growth", &|| growth::measure(args.episodes, args.group_size)),
         ("soak", &|| soak::measure(args.minutes)),
         ("learner", &designer::learner::measure),

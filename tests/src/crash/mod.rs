@@ -42,9 +42,50 @@ pub enum StopCondition {
     Time(Duration),
 }
 
+/// World of the episodes of a crash test.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CrashWorld {
+    /// Two tasks of kessler.
+    Kessler,
+    /// All tasks of tasking, with short episodes.
+    Tasking,
+}
+
+impl CrashWorld {
+    /// Settings of the run for its tasks.
+    fn settings(self) -> Value {
+        match self {
+            Self::Kessler => json!({"tasks": ["kessler/survival", "kessler/eco_station"]}),
+            Self::Tasking => {
+                let table =
+                    |columns: Value, row: Value| json!({"levels": {"columns": columns, "rows": [row]}});
+                let imaging = table(json!(["targets", "time_limit_s"]), json!([500, 1800]));
+                json!({
+                    "tasks": ["tasking/scanning", "tasking/imaging", "tasking/constellation"],
+                    "task_settings": {
+                        "tasking/scanning": table(json!(["time_limit_s"]), json!([1800])),
+                        "tasking/imaging": imaging,
+                        "tasking/constellation": imaging,
+                    },
+                })
+            }
+        }
+    }
+
+    /// Observation of a vector session.
+    pub(crate) const fn vector_observation(self) -> &'static str {
+        match self {
+            Self::Kessler => "tracks",
+            Self::Tasking => "all",
+        }
+    }
+}
+
 /// Settings of a crash test.
 #[derive(Debug, Clone, Copy)]
 pub struct CrashPlan {
+    /// World of the episodes.
+    pub world: CrashWorld,
     /// When the test ends.
     pub until: StopCondition,
     /// Seed of the times at which servers are killed, and of the run.
@@ -88,7 +129,7 @@ pub async fn run_crash_test(db: &Path, plan: CrashPlan) -> anyhow::Result<CrashR
 
     let (log, stop) = (Arc::new(AcknowledgementLog::default()), Arc::new(AtomicBool::new(false)));
     let mut trainers = JoinSet::new();
-    let trainer = |seed| Trainer::new(&api, &log, &stop, seed);
+    let trainer = |seed| Trainer::new(&api, &log, &stop, plan.world, seed);
     trainers.spawn(trainer(1).report_results());
     trainers.spawn(trainer(2).report_results());
     trainers.spawn(trainer(3).claim_columns());
@@ -144,8 +185,11 @@ async fn create_run(api: &ApiClient, plan: CrashPlan) -> anyhow::Result<()> {
         true => json!({"episodes": 200, "claimed": 400}),
         false => json!({"episodes": "all", "claimed": "all"}),
     };
-    let settings = json!({"id": RUN, "seed": plan.seed, "group_size": 2, "target": "mastery",
-                          "tasks": ["kessler/survival", "kessler/eco_station"], "retention": retention});
+    let mut settings =
+        json!({"id": RUN, "seed": plan.seed, "group_size": 2, "target": "mastery", "retention": retention});
+    for (name, value) in plan.world.settings().as_object().into_iter().flatten() {
+        settings[name] = value.clone();
+    }
     let created = api.post("/v1/runs", settings).await;
     ensure!(created.status == 201, "the run was not created: {}", created.body);
     let policy = json!({"policy": "random", "version": 1, "max_unacknowledged_groups": 64}).to_string();

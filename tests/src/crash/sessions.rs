@@ -74,7 +74,8 @@ impl Trainer {
 
     /// Steps the episodes of one task of a lease until none is left or the session is lost.
     async fn step_lease(&self, lease: &Lease) -> anyhow::Result<()> {
-        let vector = json!({"envs": ENVS, "observe": "tracks", "task": lease.0["groups"][0]["task"]});
+        let observe = self.world.vector_observation();
+        let vector = json!({"envs": ENVS, "observe": observe, "task": lease.0["groups"][0]["task"]});
         let open =
             json!({"type": "open", "version": 2, "run": RUN, "lease_id": lease.id(), "vector": vector});
         let mut session = SessionClient::default();

@@ -7,7 +7,7 @@ use std::time::Duration;
 use anyhow::{Context, ensure};
 use serde_json::{Value, json};
 
-use super::{AcknowledgementLog, RUN};
+use super::{AcknowledgementLog, CrashWorld, RUN};
 use crate::{ApiClient, ApiResponse, Lease, episode_result, run_policy, try_wait_for};
 
 /// Pause between two attempts of a request.
@@ -21,6 +21,7 @@ pub(super) struct Trainer {
     pub(super) api: ApiClient,
     pub(super) log: Arc<AcknowledgementLog>,
     stop: Arc<AtomicBool>,
+    pub(super) world: CrashWorld,
     pub(super) seed: u64,
 }
 
@@ -29,9 +30,10 @@ impl Trainer {
         api: &ApiClient,
         log: &Arc<AcknowledgementLog>,
         stop: &Arc<AtomicBool>,
+        world: CrashWorld,
         seed: u64,
     ) -> Self {
-        Self { api: api.clone(), log: Arc::clone(log), stop: Arc::clone(stop), seed }
+        Self { api: api.clone(), log: Arc::clone(log), stop: Arc::clone(stop), world, seed }
     }
 
     pub(super) fn is_running(&self) -> bool {

@@ -13,27 +13,39 @@ use curriculum::{Curriculum, CurriculumEvent};
 use orchestrator::runs::settings::RunSettings;
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, Row};
-use system_tests::crash::{CrashPlan, CrashReport, StopCondition, run_crash_test};
+use system_tests::crash::{CrashPlan, CrashReport, CrashWorld, StopCondition, run_crash_test};
 use system_tests::{ServerProcess, sparring_binary, wait_until};
 
-/// Runs a crash test with at least `kills` kills and checks the database with `sparring db check`.
+/// Runs a crash test of kessler with at least `kills` kills.
 ///
 /// Trainers use TLS if the disk has faults. The environment variable `SPARRING_CRASH_SEED` sets the seed; the default is 7.
 async fn crash(db: &Path, kills: u32, compacts: bool, faults: bool) -> CrashReport {
+    let episodes = if faults { 30 } else { 100 };
+    let until = StopCondition::Kills { kills, episodes };
+    run(db, CrashPlan { compacts, tls: faults, faults, ..plan(CrashWorld::Kessler, until) }).await
+}
+
+/// A crash test of a world without faults, with short lives of the servers.
+fn plan(world: CrashWorld, until: StopCondition) -> CrashPlan {
     let seed = std::env::var("SPARRING_CRASH_SEED").ok().and_then(|seed| seed.parse().ok()).unwrap_or(7);
-    let plan = CrashPlan {
-        until: StopCondition::Kills { kills, episodes: if faults { 30 } else { 100 } },
+    CrashPlan {
+        world,
+        until,
         seed,
         min_lifetime_ms: 50,
         max_lifetime_ms: 1500,
-        compacts,
-        tls: faults,
-        faults,
+        compacts: false,
+        tls: false,
+        faults: false,
         progress_interval_s: 0,
-    };
+    }
+}
+
+/// Runs a crash test and checks the database with `sparring db check`.
+async fn run(db: &Path, plan: CrashPlan) -> CrashReport {
     let report = match run_crash_test(db, plan).await {
         Ok(report) => report,
-        Err(error) => panic!("seed {seed}: {error:#}"),
+        Err(error) => panic!("seed {}: {error:#}", plan.seed),
     };
     println!("{report}"); // visible with: cargo test -p system-tests crash -- --nocapture
 
@@ -107,4 +119,13 @@ async fn acknowledged_results_survive_kills_and_count_once() {
             .unwrap();
     let stored: serde_json::Value = serde_json::from_str(&stored).unwrap();
     assert_eq!(serde_json::to_value(folded.snapshot()).unwrap(), stored);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn kills_under_tasking_lose_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let until = StopCondition::Kills { kills: 20, episodes: 8 };
+    let report = run(&folder.path().join("survivor.sqlite3"), plan(CrashWorld::Tasking, until)).await;
+    assert!(report.kills >= 20 && report.vectors > 1 && report.acknowledged > 1, "{report}");
+    assert_eq!(report.by_interface.len(), 4, "{report}");
 }
