@@ -19,6 +19,7 @@ pub mod satellite;
 pub mod setup;
 pub mod simulation;
 pub mod sun;
+mod sun_correction;
 pub mod task;
 #[cfg(test)]
 mod tests;

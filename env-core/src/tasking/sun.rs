@@ -1,12 +1,13 @@
 //! Geocentric position of the Sun: the harmonic series of ERFA's `epv00` (SOFA; Moisson and Bretagnon 2001, *Celest. Mech. Dyn.
-//! Astron.* 80), terms of 1e-9 AU and more.
+//! Astron.* 80), terms of 1e-9 AU and more, and a correction from 2000 to 2022.
 
 use std::sync::LazyLock;
 
 use pulp::{Arch, Simd, WithSimd};
 
 use super::constants::ASTRONOMICAL_UNIT_M;
-use super::vector3::Vector3;
+use super::sun_correction::sun_correction;
+use super::vector3::{Vector3, add};
 
 /// Seconds between the nodes of the interpolation. A parabola through three nodes errs by less than 300 m, 0.0004″.
 pub const NODE_S: f64 = 14_400.0;
@@ -156,7 +157,12 @@ impl SunArc {
                 time += step;
             }
         }
-        let [before, middle, after] = earth.map(|node| sun_from_earth(&node));
+        let mut time_s = start_tdb_s;
+        let [before, middle, after] = earth.map(|node| {
+            let sun = add(&sun_from_earth(&node), &sun_correction(time_s));
+            time_s += NODE_S;
+            sun
+        });
         let coefficient = |f: fn(f64, f64, f64) -> f64| [0, 1, 2].map(|i| f(before[i], middle[i], after[i]));
         Self {
             coefficients: [
