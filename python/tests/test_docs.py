@@ -22,6 +22,7 @@ CODE_TESTS = {
     "README.md": "python/tests/test_docs.py::test_readme_environments_run",
     "docs/guides/evaluate.md": "python/tests/test_docs.py::test_evaluation_code_runs",
     "docs/guides/export-onnx.md": "python/tests/trainers/test_onnx_export.py::test_printed_code_exports",
+    "docs/guides/from-bsk-rl.md": "python/tests/tasking_api/test_guide.py::test_printed_code_runs",
     "docs/guides/log-metrics.md": "python/tests/heavy/test_loggers_heavy.py::test_printed_loggers_store_the_numbers",
     "docs/guides/train-own-loop.md": "python/tests/test_docs.py::test_own_loop_page_runs_from_top_to_bottom",
     "docs/guides/train-rllib.md": "python/tests/heavy/test_printed.py::test_printed_algorithm_trains",
