@@ -3,8 +3,10 @@ Compiled part of `sparring`. Import `sparring` instead.
 """
 
 from _typeshed import Incomplete, SupportsGetItem
+import collections.abc
 import numpy
 import numpy.typing
+import typing
 from typing import Any, Final, SupportsFloat, SupportsIndex, final
 
 __version__: Final[str]
@@ -233,6 +235,165 @@ class NativeScenario:
     def to_json(self, /) -> str:
         """
         Returns the complete wire form (JSON).
+        """
+
+@final
+class NativeTaskingBatch:
+    """
+    Episodes of satellite tasking as BSK-RL simulates them, each with as many satellites.
+    """
+    def __new__(cls, /, num_envs: SupportsIndex, satellites: SupportsIndex, threads: SupportsIndex | None = None) -> NativeTaskingBatch:
+        """
+        Creates a batch without episodes. It steps them on a number of threads, by default one per core.
+        """
+    def needs_action(self, /) -> "numpy.typing.NDArray[numpy.bool_]":
+        """
+        Returns which satellites need an action, envs × satellites.
+        """
+    def observe(self, /, satellite: SupportsIndex, envs: SupportsGetItem[int, SupportsIndex]) -> "numpy.typing.NDArray[numpy.float64]":
+        """
+        Returns the observations of a satellite in some environments, envs × values.
+        """
+    def start(self, /, envs: SupportsGetItem[int, SupportsIndex], setups: SupportsGetItem[int, str]) -> None:
+        """
+        Starts the episode of an environment for each set-up, JSON in the format of the recordings of BSK-RL.
+        """
+    def step(self, /, actions: "numpy.typing.NDArray[numpy.integer]", active: "numpy.typing.NDArray[numpy.bool_]") -> "tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.float64]]":
+        """
+        Runs a step of the environments in a mask. `actions` are envs × satellites; -1 lets a satellite go on.
+
+        Returns rewards with penalties, terminations, truncations and durations (s). They are zero for other environments.
+        """
+    @property
+    def threads(self, /) -> int:
+        """
+        Number of threads that step the episodes.
+        """
+
+@final
+class NativeTaskingEpisode:
+    """
+    An episode of satellite tasking as BSK-RL simulates it.
+
+    Satellites, targets and stations are given by their indices, times in seconds since the start.
+    """
+    def __new__(cls, /, setup: str, journal: bool = False) -> NativeTaskingEpisode:
+        """
+        Starts an episode from a set-up in the format of the recordings of BSK-RL, as JSON. With `journal`, the episode records what
+        happens to its satellites.
+        """
+    def compute_opportunities(self, /, satellite: SupportsIndex, until: SupportsFloat | SupportsIndex) -> None:
+        """
+        Computes the opportunities of a satellite up to a time, s.
+        """
+    def illumination(self, /, satellite: SupportsIndex) -> float:
+        """
+        Returns the share of sunlight that the panel of a satellite received in the last tick.
+        """
+    def is_alive(self, /, satellite: SupportsIndex) -> bool:
+        """
+        Returns True if a satellite was alive at the end of the last step.
+        """
+    def known_images(self, /, satellite: SupportsIndex) -> list[int]:
+        """
+        Returns the targets that a satellite knows to be imaged.
+        """
+    def needs_action(self, /, satellite: SupportsIndex) -> bool:
+        """
+        Returns True if a satellite needs a new action.
+        """
+    def next_eclipse(self, /, satellite: SupportsIndex) -> list[float]:
+        """
+        Returns the times at which the next eclipse begins and the next one ends, s; both 1 if there is none within hours.
+        """
+    def next_opportunities(self, /, satellite: SupportsIndex, kind: str, count: SupportsIndex) -> list[tuple[str, int, float, float]]:
+        """
+        Returns the next opportunities of a kind, without those that filters hide; fewer than `count` are padded with the last.
+        """
+    def observe(self, /, satellite: SupportsIndex) -> "numpy.typing.NDArray[numpy.float64]":
+        """
+        Returns the native items of a satellite's observation in order.
+        """
+    def opportunities(self, /, satellite: SupportsIndex) -> list[tuple[str, int, float, float]]:
+        """
+        Returns all opportunities of a satellite that are computed, in the order of their close.
+        """
+    def opportunities_until(self, /, satellite: SupportsIndex) -> float:
+        """
+        Returns the time up to which the opportunities of a satellite are computed, s.
+        """
+    def planet_from_inertial(self, /) -> list[float]:
+        """
+        Returns the rotation from the inertial to the planet-fixed frame, row by row.
+        """
+    def set_access_filter(self, /, satellite: SupportsIndex, accepts: "collections.abc.Callable[[str, int, float, float], bool] | None") -> None:
+        """
+        Sets a condition on the opportunities of a satellite: a function of kind, object, opening and close. None removes it.
+        """
+    def set_dead(self, /, satellite: SupportsIndex) -> None:
+        """
+        Declares a satellite dead: it takes no action any more, and ends no step in a constellation.
+        """
+    def step(self, /, actions: "list[int | None]", targets: "list[int | None]") -> NativeTaskingStep:
+        """
+        Runs a step with the index of an action or of a target to image for each satellite. A satellite with neither goes on.
+        """
+    def stored(self, /, satellite: SupportsIndex) -> list[float]:
+        """
+        Returns the stored data of a satellite, bits: of the instrument's partition, and of all others.
+        """
+    def sun_position(self, /) -> list[float]:
+        """
+        Returns the position of the Sun relative to the Earth in the inertial frame, m.
+        """
+    def take_journal(self, /) -> "list[tuple[typing.Any, ...]]":
+        """
+        Returns what happened to the satellites since the last call, as tuples of kind, time, satellite and details.
+        """
+    @property
+    def time_s(self, /) -> float:
+        """
+        Time since the start, s.
+        """
+    def value(self, /, satellite: SupportsIndex, property: str) -> list[float]:
+        """
+        Returns the values of a property of a satellite; those of a matrix row by row.
+        """
+
+@final
+class NativeTaskingStep:
+    """
+    Data that the satellites of an episode gained in a step. The lists have one item for each satellite.
+    """
+    @property
+    def elapsed_s(self, /) -> float:
+        """
+        Duration of the step, s.
+        """
+    @property
+    def imaged(self, /) -> list[int | None]:
+        """
+        Index of the target that each satellite imaged.
+        """
+    @property
+    def is_truncated(self, /) -> bool:
+        """
+        True if the time limit is reached.
+        """
+    @property
+    def pairs(self, /) -> list[list[int]]:
+        """
+        Pairs of satellites that shared data, each from a sender to a receiver.
+        """
+    @property
+    def scanned_s(self, /) -> list[float]:
+        """
+        Time of the data that each satellite scanned, s.
+        """
+    @property
+    def sharers(self, /) -> list[int]:
+        """
+        Number of satellites that share the reward of each satellite's image; 0 if it pays nothing.
         """
 
 def bracket(scenario: NativeScenario) -> "tuple[str, numpy.typing.NDArray[numpy.float64]]":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -17,10 +17,7 @@ from .rendering import FPS, Renderer
 from .reset_request import ResetRequest, read_reset_options
 from .scenario import Scenario, check_seed, copy_mapping
 from .settings import Actions, Axes, Observation, ObservationLayout, Settings, action_space, agent_action_space
-
-#: Arrays that a step can write: observations (as `VectorEnvironment.empty_observations` makes them), rewards, terminations
-#: and truncations.
-StepArrays = tuple[npt.NDArray[np.float32], npt.NDArray[np.float64], npt.NDArray[np.bool_], npt.NDArray[np.bool_]]
+from .vector_results import AgentResults, StepArrays, StepTimes
 
 #: Name of each autoreset mode in the compiled module.
 AUTORESET_NAMES = {
@@ -28,25 +25,6 @@ AUTORESET_NAMES = {
     AutoresetMode.SAME_STEP: "same_step",
     AutoresetMode.DISABLED: "disabled",
 }
-
-
-class AgentResults(NamedTuple):
-    """Results of a step by agent, envs × agents."""
-
-    rewards: npt.NDArray[np.float32]
-    #: True for agents that terminated by the rules of the task.
-    terminations: npt.NDArray[np.bool_]
-    #: True for agents that the horizon truncated.
-    truncations: npt.NDArray[np.bool_]
-
-
-class StepTimes(NamedTuple):
-    """Times of a step."""
-
-    #: Duration of the step, s; in kessler steps, of one time unit each. It is 0 after a reset.
-    d_ts: npt.NDArray[np.float64]
-    #: True for agents that need an action in the next step, envs × agents. The others go on with theirs.
-    requires_retasking: npt.NDArray[np.bool_]
 
 
 class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
@@ -300,6 +278,7 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
         return tuple(self._renderer.render(self._native, env) for env in range(self.num_envs))
 
 
+@overload
 def make_vec(
     task: str | None = None,
     num_envs: int = 1,
@@ -320,7 +299,44 @@ def make_vec(
     episode_statistics: bool = True,
     render_mode: str | None = None,
     render_size: tuple[int, int] = (320, 320),
-) -> VectorEnvironment:
+) -> VectorEnvironment: ...
+
+
+@overload
+def make_vec(
+    task: None = None,
+    num_envs: int = 1,
+    *,
+    satellites: Any,
+    autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+    threads: int | None = None,
+    **environment: Any,
+) -> VectorEnv[Any, Any, Any]: ...
+
+
+def make_vec(
+    task: str | None = None,
+    num_envs: int = 1,
+    *,
+    curriculum: Curriculum | None = None,
+    params: Mapping[str, float] | None = None,
+    physics: Mapping[str, str] | None = None,
+    layout: Mapping[str, Any] | None = None,
+    level: int | None = None,
+    observation: Observation | None = None,
+    threats: int | None = None,
+    look_ahead: int | None = None,
+    bodies: int | None = None,
+    actions: Actions | None = None,
+    axes: Axes | None = None,
+    autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+    threads: int | None = None,
+    episode_statistics: bool = True,
+    render_mode: str | None = None,
+    render_size: tuple[int, int] = (320, 320),
+    satellites: Any = None,
+    **environment: Any,
+) -> VectorEnv[Any, Any, Any]:
     """Makes a `gymnasium.vector.VectorEnv` of environments of one task.
 
     Args:
@@ -332,10 +348,10 @@ def make_vec(
             `sparring.Environment`.
         autoreset_mode: One of Gymnasium's modes: `next_step`, `same_step`, `disabled`.
         threads: Number of threads (one per core). The calling thread steps fewer than 64 environments.
-        episode_statistics: True to put `episode` into infos as Gymnasium's `RecordEpisodeStatistics` does; False to use
-            that wrapper.
-        render_mode: `rgb_array`.
-        render_size: Width and height of an image, pixels.
+        episode_statistics: True to put `episode` into infos as Gymnasium's `RecordEpisodeStatistics` does.
+        render_mode, render_size: `rgb_array`, and the width and height of an image in pixels.
+        satellites: Satellite or list of satellites of `sparring.tasking`, for environments of these instead of a task.
+        environment: Other arguments of `sparring.tasking.GeneralSatelliteTasking`, such as `scenario`, with `satellites`.
 
     Raises:
         ValueError: A value is unknown or out of range; the message names the field.
@@ -345,16 +361,33 @@ def make_vec(
     >>> observations.shape
     (4, 3, 72)
     """
+    mode = _read_autoreset_mode(autoreset_mode)
+    if satellites is not None or environment:
+        return _make_satellite_vec(task, num_envs, satellites=satellites, autoreset_mode=mode, threads=threads, **environment)
     settings = Settings(task, params, physics, layout, level, observation, threats, look_ahead, bodies, actions, axes, curriculum)
     return VectorEnvironment(
         settings,
         num_envs,
-        autoreset_mode=_read_autoreset_mode(autoreset_mode),
+        autoreset_mode=mode,
         threads=threads,
         episode_statistics=episode_statistics,
         render_mode=render_mode,
         render_size=render_size,
     )
+
+
+def _make_satellite_vec(task: str | None, num_envs: int, **arguments: Any) -> VectorEnv[Any, Any, Any]:
+    """Makes environments of satellites."""
+    if arguments["satellites"] is None:
+        unknown = next(name for name in arguments if name not in ("satellites", "autoreset_mode", "threads"))
+        raise TypeError(f"make_vec() got an unexpected keyword argument {unknown!r}")
+    if task is not None:
+        raise invalid("task", "None with `satellites`", task)
+    if not isinstance(num_envs, int) or num_envs < 1:
+        raise invalid("num_envs", "at least 1", num_envs)
+    from .tasking.vector import make_satellite_vec
+
+    return make_satellite_vec(num_envs, **arguments)
 
 
 def _read_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:

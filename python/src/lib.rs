@@ -31,7 +31,7 @@ mod _native {
     #[pymodule_export]
     use super::scenario::{NativeScenario, bracket, critique, replay, rollout};
     #[pymodule_export]
-    use super::tasking::{NativeTaskingEpisode, NativeTaskingStep};
+    use super::tasking::{NativeTaskingBatch, NativeTaskingEpisode, NativeTaskingStep};
     #[pymodule_export]
     use super::tasks::{NativePolicy, task_info, tasks};
 

@@ -20,6 +20,7 @@ from .sats import Satellite
 from .scene import Scenario
 from .sim import Simulator
 from .sim.model_names import check_model
+from .sim.setup import setup_text
 from .sim.world import WorldModel, WorldModelABC
 from .utils import functional, logging_config
 
@@ -163,14 +164,7 @@ class GeneralSatelliteTasking(gymnasium.Env[Any, Any]):
         A seed from 0 to 2³² − 1 draws BSK-RL's episode of that seed.
         """
         self.delete_simulator()
-        if seed is None:
-            seed = time_ns() % _SEEDS
-        if not 0 <= seed < _SEEDS:
-            raise ValueError(f"seed must be from 0 to 2**32 - 1, got {seed}")
-        logger.info(f"Resetting environment with seed={seed}")
-        self.seed = seed
-        super().reset(seed=seed)
-        np.random.seed(seed)
+        super().reset(seed=self._seed(seed))
         self._draw_episode()
         self._start_simulation()
         observation = self._get_obs()
@@ -202,17 +196,40 @@ class GeneralSatelliteTasking(gymnasium.Env[Any, Any]):
             self.rewarder.data += satellite.data_store.data
             satellite.reset_pre_sim_init()
 
-    def _start_simulation(self) -> None:
-        """Creates the simulation of the episode that was drawn."""
-        self.simulator = Simulator(
+    def _seed(self, seed: int | None) -> int:
+        """Seeds numpy's global generator, by default from the clock, and returns the seed."""
+        if seed is None:
+            seed = time_ns() % _SEEDS
+        if not 0 <= seed < _SEEDS:
+            raise ValueError(f"seed must be from 0 to 2**32 - 1, got {seed}")
+        logger.info(f"Resetting environment with seed={seed}")
+        self.seed = seed
+        np.random.seed(seed)
+        return seed
+
+    def _simulator(self, environment: dict[str, Any]) -> Simulator:
+        """Creates the models of the episode that was drawn."""
+        return Simulator(
             self.satellites,
             self.world_type,
             self.world_args,
             sim_rate=self.sim_rate,
             max_step_duration=self.max_step_duration,
             time_limit=self.time_limit,
-            environment=self._native_environment(),
+            environment=environment,
         )
+
+    def draw_setup(self, seed: int | None, rewarders: list[dict[str, Any]], value_per_second: float) -> str:
+        """Draws an episode that is simulated elsewhere, with its rewarders, and returns its set-up as JSON text."""
+        self._seed(seed)
+        self._draw_episode()
+        environment = self._native_environment()
+        environment |= {"rewarders": rewarders, "value_per_second": value_per_second}
+        return setup_text(self._simulator(environment))
+
+    def _start_simulation(self) -> None:
+        """Creates the simulation of the episode that was drawn."""
+        self.simulator = self._simulator(self._native_environment())
         parts = (self.simulator.world, self.scenario, self.rewarder, self.communicator)
         for part in parts:
             part.reset_during_sim_init()
@@ -239,7 +256,8 @@ class GeneralSatelliteTasking(gymnasium.Env[Any, Any]):
             "cls": type(self).native_class(),
             "failure_penalty": self.failure_penalty,
             "terminate_on_time_limit": self.terminate_on_time_limit,
-            "rewarders": names,
+            "rewarders": [{"type": name} for name in names],
+            "value_per_second": None,
             "communicator": {
                 "types": self.communicator.names(),
                 "min_period": self.communicator.min_period,

@@ -5,6 +5,7 @@ use env_core::tasking::observation::property::Property;
 use env_core::tasking::observation::view::Moment;
 use env_core::tasking::orbit::GravityModel;
 use env_core::tasking::recording::setup::read_setup;
+use env_core::tasking::setup::environment::Setup;
 use env_core::tasking::simulation::{AgentAction, TaskingSim};
 use env_core::tasking::tick::dispatch::InstructionSet;
 use numpy::{PyArray1, ToPyArray};
@@ -15,7 +16,7 @@ use pyo3::types::PyTuple;
 use super::filter::{RaisedError, access_filter};
 use super::journal::entry_tuple;
 use super::step::NativeTaskingStep;
-use crate::errors::{invalid, rejected};
+use crate::errors::invalid;
 
 /// An opportunity: kind, index of its object, opening and close, s.
 type OpportunityTuple = (&'static str, usize, f64, f64);
@@ -47,9 +48,7 @@ impl NativeTaskingEpisode {
     #[new]
     #[pyo3(signature = (setup, journal=false))]
     fn new(py: Python<'_>, setup: &str, journal: bool) -> PyResult<Self> {
-        let setup: serde_json::Value =
-            serde_json::from_str(setup).map_err(|error| rejected("setup", error))?;
-        let setup = read_setup(&setup, GravityModel::Ggm10).map_err(PyValueError::new_err)?;
+        let setup = read_setup_text(setup).map_err(PyValueError::new_err)?;
         let sim = py.detach(|| TaskingSim::new(setup));
         let mut sim = sim.map_err(|error| PyValueError::new_err(error.to_string()))?;
         if journal {
@@ -236,6 +235,15 @@ impl NativeTaskingEpisode {
             self.sim.len()
         )))
     }
+}
+
+/// Reads a set-up in the format of the recordings of BSK-RL, JSON text.
+///
+/// # Errors
+/// Says what is wrong with the text or the set-up.
+pub(super) fn read_setup_text(setup: &str) -> Result<Setup, String> {
+    let value = serde_json::from_str(setup).map_err(|error| format!("`setup`: {error}"))?;
+    read_setup(&value, GravityModel::Ggm10)
 }
 
 /// Name of a kind of opportunity in BSK-RL.

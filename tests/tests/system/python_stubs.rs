@@ -13,7 +13,7 @@ fn stubs_match_native_module() {
     // Types that are given as text do not generate an import.
     let generated = files[Path::new("__init__.pyi")].replacen(
         "from typing",
-        "import numpy\nimport numpy.typing\nfrom typing",
+        "import collections.abc\nimport numpy\nimport numpy.typing\nimport typing\nfrom typing",
         1,
     );
     if std::env::var_os("SPARRING_STUBS").is_some_and(|way| way == "write") {

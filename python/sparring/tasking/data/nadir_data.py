@@ -46,6 +46,11 @@ class ScanningTimeReward(GlobalReward):
         self._reward_fn = reward_fn
 
     @property
+    def is_linear(self) -> bool:
+        """True if the reward is the scenario's value of each second."""
+        return self._reward_fn is None
+
+    @property
     def reward_fn(self) -> Callable[[float], float]:
         """Reward of a time in seconds."""
         if self._reward_fn is not None:

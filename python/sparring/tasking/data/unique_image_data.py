@@ -58,8 +58,8 @@ class UniqueImageStore(DataStore):
         return UniqueImageData(imaged={self.satellite.latest_target})
 
 
-def _priority(priority: float) -> float:
-    """Reward of a priority: the priority itself."""
+def own_priority(priority: float) -> float:
+    """Returns the reward of a priority by default: the priority itself."""
     return priority
 
 
@@ -72,7 +72,7 @@ class UniqueImageReward(GlobalReward):
 
     data_store_type = UniqueImageStore
 
-    def __init__(self, reward_fn: Callable[[float], float] = _priority) -> None:
+    def __init__(self, reward_fn: Callable[[float], float] = own_priority) -> None:
         super().__init__()
         self.reward_fn = reward_fn
 

@@ -47,7 +47,7 @@ class ObservationBuilder(Resetable):
         self.obs_dict_cache: dict[str, Any] | None = None
         self.obs_cache_time = 0.0
         self._vector_cache: Any = None
-        self._parts: list[Any] = []
+        self.parts: list[Any] = []
         self._eclipses: list[tuple[int, float]] = []
         self.observation_spec: list[Any] = deepcopy(satellite.observation_spec)
         counts: dict[str, int] = {}
@@ -84,7 +84,7 @@ class ObservationBuilder(Resetable):
     def native_items(self) -> list[dict[str, Any]]:
         """Returns the items that the simulation observes, and plans how to assemble the rest."""
         items: list[dict[str, Any]] = []
-        self._parts, self._eclipses = [], []
+        self.parts, self._eclipses = [], []
         taken = 0
         for item in self.observation_spec:
             plan = _simple_plan(item) or item.plan()
@@ -93,12 +93,12 @@ class ObservationBuilder(Resetable):
                 self._eclipses.append((taken, item.norm))
             for kind, content in plan.parts:
                 if kind == "python":
-                    self._parts.append(content)
+                    self.parts.append(content)
                     continue
-                if self._parts and isinstance(self._parts[-1], slice):
-                    self._parts[-1] = slice(self._parts[-1].start, taken + content)
+                if self.parts and isinstance(self.parts[-1], slice):
+                    self.parts[-1] = slice(self.parts[-1].start, taken + content)
                 else:
-                    self._parts.append(slice(taken, taken + content))
+                    self.parts.append(slice(taken, taken + content))
                 taken += content
         return items
 
@@ -138,10 +138,10 @@ class ObservationBuilder(Resetable):
             missing = [(time - now) / norm for time in NO_ECLIPSE]
             if values[place] == missing[0] and values[place + 1] == missing[1]:
                 warn_of_no_eclipse()
-        if len(self._parts) == 1 and isinstance(self._parts[0], slice):
+        if len(self.parts) == 1 and isinstance(self.parts[0], slice):
             return values
         vectors = []
-        for part in self._parts:
+        for part in self.parts:
             if isinstance(part, slice):
                 vectors.append(values[part])
                 continue

@@ -51,9 +51,9 @@ def setup_text(simulator: Any) -> str:
         "time_limit": simulator.time_limit,
         "failure_penalty": environment["failure_penalty"],
         "terminate_on_time_limit": environment["terminate_on_time_limit"],
-        "rewarders": [{"type": name} for name in environment["rewarders"]],
+        "rewarders": environment["rewarders"],
         "communicator": environment["communicator"],
-        "scenario": {"type": "Scenario"},
+        "scenario": {"value_per_second": environment["value_per_second"]},
     }
     setup = {
         "env": env,
