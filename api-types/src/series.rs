@@ -51,6 +51,8 @@ pub struct TaskSeries {
     pub success: Vec<Option<f64>>,
     /// Mean score of all episodes.
     pub score: Vec<Option<f64>>,
+    /// Mean duration of finished episodes in worlds whose steps differ in duration, s.
+    pub duration_s: Vec<Option<f64>>,
     /// Mean skill, over scenarios that define one.
     pub skill: Vec<Option<f64>>,
     /// Mean success rate on slots: contested scenarios that are evidence, missing episodes counted as failures.

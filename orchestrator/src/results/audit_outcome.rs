@@ -66,6 +66,11 @@ pub struct ReplayedEpisode {
 }
 
 impl AuditOutcome {
+    /// Duration of a replayed episode, s, in worlds whose steps differ in duration.
+    pub(crate) fn time_s(&self) -> Option<f64> {
+        if let Self::Replayed(replayed) = self { replayed.outcome.time_s } else { None }
+    }
+
     /// Builds the outcome of a refused episode.
     pub(crate) fn refused(code: RefusalCode, detail: impl Into<String>) -> Self {
         Self::Refused(Refusal::new(code, detail))

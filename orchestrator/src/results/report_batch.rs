@@ -6,6 +6,7 @@ use api_types::{ReceiptStatus, RefusalCode, ResultReceipt};
 use store::critiques::{self, NewCritiqueJob};
 use store::episodes::{self, EpisodeRow, EpisodeState, ReportedResult, StoredLog};
 use store::groups::{self, GroupRow, GroupState};
+use store::history::DurationSum;
 use store::ids::RunId;
 use store::keys::{EpisodeKey, GroupKey};
 use store::leases::{self, LeaseRow, Purpose};
@@ -46,6 +47,8 @@ pub(crate) struct ReportBatch {
     changed: BTreeMap<GroupKey, GroupRow>,
     sums: BTreeMap<task_counters::TaskCountersKey, TaskCounters>,
     versions: BTreeMap<VersionKey, VersionCounters>,
+    /// Durations of the counted episodes, by task.
+    durations: BTreeMap<String, DurationSum>,
     /// Numbers of the episodes to criticise, by lease and task.
     to_criticise: BTreeMap<(i64, String), Vec<i64>>,
     newest_policy: i64,
@@ -125,7 +128,7 @@ impl ReportBatch {
                 if is_in_session {
                     self.group(&lease, key.number)?.abandoned += 1;
                 }
-                Ok(self.count(tx, &lease, &row).await?)
+                Ok(self.count(tx, &lease, &row, outcome.time_s()).await?)
             }
             (false, true) => match self.compare(&lease, &row)? {
                 AuditCheck::Agrees => Ok(ReceiptStatus::Audited),
@@ -233,12 +236,13 @@ impl ReportBatch {
         Ok(check)
     }
 
-    /// Counts an episode into its group and the counters of its task.
+    /// Counts an episode into its group and the counters of its task. `time_s` is its duration, s, if steps differ in it.
     async fn count(
         &mut self,
         tx: &mut WriteTx,
         lease: &LeaseRow,
         row: &EpisodeRow,
+        time_s: Option<f64>,
     ) -> Result<ReceiptStatus, ServiceError> {
         let state = tx.run(&lease.run).await?.state;
         let newest = state.policy_version.max(self.newest_policy).max(row.policy_version);
@@ -277,6 +281,9 @@ impl ReportBatch {
                 version.episodes += 1;
                 version.successes += sums.successes;
                 version.score_sum += sums.score_sum;
+                if let Some(time_s) = time_s {
+                    self.durations.entry(key.task.clone()).or_default().add(time_s);
+                }
                 self.to_criticise.entry((lease.id, key.task.clone())).or_default().push(row.number);
             }
             self.newest_policy = newest;
@@ -326,6 +333,9 @@ impl ReportBatch {
         task_counters::add(&mut tx.conn, run, &self.sums).await?;
         for (key, sums) in &self.sums {
             tx.task_counts(run, &key.task).add(sums, key.level);
+        }
+        for (task, durations) in &self.durations {
+            tx.task_counts(run, task).durations.join(*durations);
         }
         policy_versions::add(&mut tx.conn, run, &self.versions, tx.now).await?;
         let jobs = self.to_criticise.iter().flat_map(|((lease, task), numbers)| {

@@ -443,6 +443,8 @@ class EpisodeOutcome(TypedDict):
     """Score that the world computed."""
     steps: int
     """Number of steps of the episode."""
+    time_s: NotRequired[float | None]
+    """Duration, s; absent in a world that counts steps."""
     total_reward: float
     """Sum of the rewards."""
 
@@ -1450,6 +1452,8 @@ class TaskSeries(TypedDict):
     """Number of contested scenarios with results."""
     contested_success: list[float | None]
     """Mean success rate on slots: contested scenarios that are evidence, missing episodes counted as failures."""
+    duration_s: list[float | None]
+    """Mean duration of finished episodes in worlds whose steps differ in duration, s."""
     episodes: list[int]
     """Number of finished episodes."""
     level: list[int | None]

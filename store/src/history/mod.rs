@@ -52,6 +52,8 @@ pub struct HistoryBucket {
     pub zero_variance_groups: i64,
     /// Episodes of accepted claims.
     pub claimed_episodes: i64,
+    /// Durations of finished episodes whose steps differ in duration.
+    pub durations: DurationSum,
     /// Lowest level that occurred.
     pub lowest_level: Option<i64>,
     /// Highest level that occurred.
@@ -60,6 +62,28 @@ pub struct HistoryBucket {
     pub mastery: Option<MasterySample>,
     /// Parameters of the scenarios, by name.
     pub params: BTreeMap<String, ParamRange>,
+}
+
+/// Sum of the durations of episodes.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct DurationSum {
+    /// Number of episodes.
+    pub episodes: i64,
+    /// Sum of their durations, s.
+    pub seconds: f64,
+}
+
+impl DurationSum {
+    /// Adds the duration of an episode, s.
+    pub fn add(&mut self, seconds: f64) {
+        self.join(Self { episodes: 1, seconds });
+    }
+
+    /// Adds the durations of other episodes.
+    pub fn join(&mut self, other: Self) {
+        self.episodes += other.episodes;
+        self.seconds += other.seconds;
+    }
 }
 
 /// Mastery estimate of a task at one moment: the posterior over success on contested scenarios of its level.
@@ -129,6 +153,7 @@ impl HistoryBucket {
         self.groups += later.groups;
         self.zero_variance_groups += later.zero_variance_groups;
         self.claimed_episodes += later.claimed_episodes;
+        self.durations.join(later.durations);
         self.lowest_level = self.lowest_level.into_iter().chain(later.lowest_level).min();
         self.highest_level = self.highest_level.max(later.highest_level);
         self.mastery = later.mastery.or(self.mastery);

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use sqlx::{SqliteConnection, query};
 
 use super::super::StoreError;
-use super::{HOUR, HistoryBucket, MINUTE, MINUTES_KEPT, MasterySample, ParamRange};
+use super::{DurationSum, HOUR, HistoryBucket, MINUTE, MINUTES_KEPT, MasterySample, ParamRange};
 use crate::Millis;
 
 /// A window of time, and the width of its points.
@@ -64,7 +64,8 @@ pub async fn curve(
                   sum(contested_groups) AS "contested_groups!: i64", sum(success_rate_sum) AS "success_rate_sum!: f64",
                   sum(panel_groups) AS "panel_groups!: i64", sum(panel_success_rate_sum) AS "panel_success_rate_sum!: f64",
                   sum(groups) AS "groups!: i64", sum(zero_variance_groups) AS "zero_variance_groups!: i64",
-                  sum(claimed_episodes) AS "claimed_episodes!: i64", min(lowest_level) AS "lowest_level: i64",
+                  sum(claimed_episodes) AS "claimed_episodes!: i64", sum(timed_episodes) AS "timed_episodes!: i64",
+                  sum(time_s_sum) AS "time_s_sum!: f64", min(lowest_level) AS "lowest_level: i64",
                   max(highest_level) AS "highest_level: i64"
            FROM task_history WHERE run = ?1 AND task IN (SELECT value FROM json_each(?6))
                 AND width = ?2 AND start >= ?3 AND start < ?4
@@ -97,6 +98,7 @@ pub async fn curve(
             groups: r.groups,
             zero_variance_groups: r.zero_variance_groups,
             claimed_episodes: r.claimed_episodes,
+            durations: DurationSum { episodes: r.timed_episodes, seconds: r.time_s_sum },
             lowest_level: r.lowest_level,
             highest_level: r.highest_level,
             mastery: mastery.remove(&key),

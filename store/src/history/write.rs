@@ -62,8 +62,8 @@ async fn add_buckets(
     let mut statement = QueryBuilder::new(
         "INSERT INTO task_history (run, task, width, start, episodes, successes, score_sum, episodes_with_skill, skill_sum, failed,
                                    expired, contested_groups, success_rate_sum, panel_groups, panel_success_rate_sum, groups,
-                                   zero_variance_groups, claimed_episodes, lowest_level, highest_level, level, mean, q10,
-                                   q90) ",
+                                   zero_variance_groups, claimed_episodes, timed_episodes, time_s_sum, lowest_level,
+                                   highest_level, level, mean, q10, q90) ",
     );
     statement.push_values(rows, |mut values, BucketRow { task, width, start, bucket }| {
         let mastery = bucket.mastery;
@@ -81,6 +81,8 @@ async fn add_buckets(
         values
             .push_bind(bucket.zero_variance_groups)
             .push_bind(bucket.claimed_episodes)
+            .push_bind(bucket.durations.episodes)
+            .push_bind(bucket.durations.seconds)
             .push_bind(bucket.lowest_level)
             .push_bind(bucket.highest_level);
         values.push_bind(mastery.and_then(|at| at.level)).push_bind(mastery.map(|at| at.mean));
@@ -99,6 +101,8 @@ async fn add_buckets(
               groups = groups + excluded.groups,
               zero_variance_groups = zero_variance_groups + excluded.zero_variance_groups,
               claimed_episodes = claimed_episodes + excluded.claimed_episodes,
+              timed_episodes = timed_episodes + excluded.timed_episodes,
+              time_s_sum = time_s_sum + excluded.time_s_sum,
               lowest_level = coalesce(min(lowest_level, excluded.lowest_level), lowest_level, excluded.lowest_level),
               highest_level = coalesce(max(highest_level, excluded.highest_level), highest_level, excluded.highest_level),
               level = iif(excluded.mean IS NULL, level, excluded.level), mean = coalesce(excluded.mean, mean),

@@ -24,6 +24,7 @@ fn push_point(series: &mut TaskSeries, start: Millis, bucket: &HistoryBucket) {
     series.lost.push(lost);
     series.success.push(mean(bucket.successes as f64, bucket.episodes + lost));
     series.score.push(mean(bucket.score_sum, bucket.episodes));
+    series.duration_s.push(mean(bucket.durations.seconds, bucket.durations.episodes));
     series.skill.push(mean(bucket.skill_sum, bucket.episodes_with_skill));
     series.contested_success.push(mean(bucket.success_rate_sum, bucket.contested_groups));
     series.contested_scenarios.push(bucket.contested_groups);

@@ -48,6 +48,29 @@ async fn last_point_has_the_current_mastery() {
     }
 }
 
+/// Mean duration of a task's episodes in a series of one point.
+async fn mean_duration(settings: Value) -> Value {
+    let ManualClock { clock, .. } = Clock::manual(START);
+    let server = Server::with_clock(clock).await;
+    let api = server.api();
+    create_run(&api, settings).await;
+    report_groups(&api, 4, "random").await;
+    report_groups(&api, 3, "random").await;
+    let durations = &series(&api, START, START + 1, 2000).await["tasks"][0]["duration_s"];
+    assert_eq!(durations.as_array().map(Vec::len), Some(1));
+    durations[0].clone()
+}
+
+#[tokio::test]
+async fn durations_of_episodes_are_averaged() {
+    let levels = json!({"columns": ["time_limit_s"], "rows": [[1800]]});
+    let task_settings = json!({"tasking/scanning": {"levels": levels}});
+    let scanning = json!({"tasks": ["tasking/scanning"], "task_settings": task_settings});
+    // The episodes are too short for a death.
+    assert_eq!(mean_duration(scanning).await, json!(1800.0));
+    assert_eq!(mean_duration(json!({})).await, Value::Null, "steps of kessler have one duration");
+}
+
 #[tokio::test]
 async fn buckets_sum_to_all_results() {
     let ManualClock { clock, time: clock_ms } = Clock::manual(START);
