@@ -48,8 +48,14 @@ COMMAND_TESTS = {
     ("docs/guides/train-rllib.md", "python examples/rllib_ppo.py"): (
         "python/tests/heavy/test_printed.py::test_printed_command_for_several_hosts_is_valid"
     ),
+    ("docs/guides/train-rllib.md", "python examples/scanning_rllib.py"): (
+        "python/tests/heavy/test_printed.py::test_printed_scanning_command_trains_and_plots"
+    ),
     ("docs/guides/train-sb3.md", "python examples/sb3_ppo.py"): (
         "python/tests/trainers/test_sb3.py::test_printed_command_trains_evaluates_and_saves"
+    ),
+    ("docs/guides/train-sb3.md", "python examples/scanning_sb3.py"): (
+        "python/tests/trainers/test_sb3.py::test_printed_scanning_command_trains_and_plots"
     ),
     ("docs/guides/train-trl.md", "python examples/grpo_in_process.py --tiny"): (
         "python/tests/heavy/test_trl.py::test_printed_command_trains"

@@ -6,6 +6,7 @@
 """
 
 import contextlib
+import json
 import os
 import re
 import shlex
@@ -66,6 +67,16 @@ def test_printed_command_for_several_hosts_is_valid(monkeypatch):
     monkeypatch.setattr(sys, "argv", shlex.split(command)[1:])
     args, _ = rllib_ppo.parse_arguments()
     assert (args.ray, args.url, args.env_runners) == ("auto", "http://head:8700", 16)
+
+
+def test_printed_scanning_command_trains_and_plots(tmp_path):
+    shorter = {"--steps 2000000": "--steps 4096"}
+    command = printed_command("docs/guides/train-rllib.md", "python examples/scanning_rllib.py", shorter)
+    output = run_command(command, tmp_path, "--evaluations", "1", "--episodes", "4", "--envs", "16")
+    evaluations = [json.loads(line) for line in output.splitlines() if line.startswith("{")]
+    assert evaluations[0]["steps"] == 0 and evaluations[-1]["steps"] >= 4096
+    assert all(0 <= row["survived"] <= 1 and -1 <= row["return"] <= 1 for row in evaluations)
+    assert "<svg" in (tmp_path / "scanning.svg").read_text()
 
 
 @needs_server

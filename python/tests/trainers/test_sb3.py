@@ -223,3 +223,13 @@ def test_printed_command_trains_evaluates_and_saves(tmp_path):
     assert all(-1 <= skill <= 1 for row in evaluations for skill in row["skill"].values())
     assert "<svg" in (tmp_path / "sb3.svg").read_text()
     assert all((tmp_path / name).exists() for name in ("model.zip", "runs"))
+
+
+def test_printed_scanning_command_trains_and_plots(tmp_path):
+    shorter = {"--steps 2000000": "--steps 4096"}
+    command = printed_command("docs/guides/train-sb3.md", "python examples/scanning_sb3.py", shorter)
+    output = run_command(command, tmp_path, "--evaluations", "1", "--episodes", "4", "--envs", "16", "--save", "model.zip")
+    evaluations = [json.loads(line) for line in output.splitlines() if line.startswith("{")]
+    assert [row["steps"] for row in evaluations] == [0, 4096]
+    assert all(0 <= row["survived"] <= 1 and -1 <= row["return"] <= 1 for row in evaluations)
+    assert "<svg" in (tmp_path / "scanning.svg").read_text() and (tmp_path / "model.zip").exists()

@@ -67,7 +67,7 @@ pub struct HistoryBucket {
 /// Sum of the durations of episodes.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct DurationSum {
-    /// Number of episodes.
+    /// Number of episodes with a duration.
     pub episodes: i64,
     /// Sum of their durations, s.
     pub seconds: f64,
