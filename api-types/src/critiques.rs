@@ -26,6 +26,11 @@ pub struct CritiqueFailure {
     pub agent: u32,
     /// Step of the failure, from 1.
     pub step: u32,
+    /// Sector of the failure in a failure profile, from 0 to 11; null if it has no angle.
+    pub sector: Option<u32>,
+    /// Angle of the failure in the quantity of the task's sectors, degrees in [0, 360): the bearing of an encounter, or the orbit
+    /// angle of the satellite.
+    pub sector_deg: Option<f64>,
     /// Geometry of the encounter; null for a failure without one.
     pub encounter: Option<CritiqueEncounter>,
     /// Further measures of the failure mode.
@@ -54,8 +59,6 @@ pub struct CritiqueEncounter {
     pub bearing_deg: f64,
     /// The same bearing from +X towards +Y of the inertial frame; null in a world without such a frame.
     pub bearing_inertial_deg: Option<f64>,
-    /// Bearing sector in a failure profile, from 0 to 11.
-    pub sector: u32,
     /// Relative speed at contact, in the world's unit of speed.
     pub relative_speed: f64,
     /// Speed band in a failure profile, from 0.

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 
-use crate::ActionVerdict;
+use crate::{ActionVerdict, SectorQuantity};
 
 /// Query of the failure profiles.
 #[derive(Debug, Clone, Default, Serialize, Deserialize, IntoParams)]
@@ -64,8 +64,10 @@ pub struct FailureProfile {
     pub judge: Option<Trend>,
     /// Numbers of actions by verdict.
     pub verdicts: Vec<VerdictCount>,
-    /// The 12 bearing sectors: bearing of the body seen from the agent, degrees from radial out towards in-track.
-    pub sectors: Vec<BearingSector>,
+    /// Angle that the sectors divide.
+    pub sector_quantity: SectorQuantity,
+    /// The 12 sectors of that angle.
+    pub sectors: Vec<ProfileSector>,
     /// Bands of relative speed.
     pub bands: Vec<SpeedBand>,
     /// Failure modes of the task, including those that never occurred.
@@ -92,13 +94,13 @@ pub struct VerdictCount {
     pub per_episode: Option<Trend>,
 }
 
-/// Sector of bearings, as data.
+/// Sector of a failure profile, as data.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
-pub struct BearingSector {
+pub struct ProfileSector {
     /// Number of the sector, from 0.
     pub sector: u32,
     /// Centre of the sector, degrees; it extends 15° to either side.
-    pub bearing_deg: f64,
+    pub angle_deg: f64,
 }
 
 /// Band of relative speeds.
@@ -147,10 +149,10 @@ pub struct InertialSectorCounts {
     pub weight: f64,
 }
 
-/// Failures of one mode from one bearing sector in one speed band.
+/// Failures of one mode in one sector and one speed band.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct FailureCell {
-    /// Bearing sector, from 0 to 11; null without an encounter.
+    /// Sector of the angle, from 0 to 11; null without an angle.
     pub sector: Option<u32>,
     /// Speed band, from 0; null without an encounter.
     pub band: Option<u32>,
@@ -180,7 +182,7 @@ pub struct FailureQuery {
     pub task: String,
     /// Name of the failure mode.
     pub mode: Option<String>,
-    /// Bearing sector, from 0 to 11.
+    /// Sector of the angle, from 0 to 11.
     #[param(minimum = 0, maximum = 11)]
     #[serde(default, deserialize_with = "crate::integers::optional::<_, 0, 11>")]
     pub sector: Option<u32>,
@@ -214,12 +216,12 @@ pub struct EpisodeFailure {
     pub agent: i64,
     /// Step of the failure, from 1.
     pub step: i64,
-    /// Bearing sector, from 0 to 11; null without an encounter.
+    /// Sector of the angle, from 0 to 11; null without an angle.
     pub sector: Option<u32>,
     /// Speed band, from 0; null without an encounter.
     pub band: Option<u32>,
-    /// Bearing of the body, degrees from radial out towards in-track.
-    pub bearing_deg: Option<f64>,
+    /// Angle that the sectors of the profile divide, degrees; null if the failure has none.
+    pub sector_deg: Option<f64>,
     /// Relative speed, in the world's unit of speed.
     pub relative_speed: Option<f64>,
     /// Number of steps in which the agent could act after the body became visible.

@@ -45,6 +45,8 @@ pub struct Task {
     pub failure_modes: Vec<TaskFailureMode>,
     /// Bands of relative speed in failure profiles.
     pub speed_bands: TaskSpeedBands,
+    /// Angle by whose sectors failure profiles are divided.
+    pub sector_quantity: SectorQuantity,
 }
 
 /// Param of a task: a number that determines its difficulty.
@@ -180,4 +182,15 @@ pub struct TaskSpeedBands {
     pub edges: Vec<f64>,
     /// Unit of the edges.
     pub unit: String,
+}
+
+/// Angle by whose sectors the failure profiles of a task are divided.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct SectorQuantity {
+    /// Name of the angle, such as `bearing` or `orbit angle`.
+    pub name: String,
+    /// Description of the angle, with its origin and its positive direction.
+    pub description: String,
+    /// Names of the directions at 0°, 90°, 180° and 270°.
+    pub directions: Vec<String>,
 }

@@ -1,4 +1,4 @@
-//! Critiques of finished episodes on one thread: built-in policies on every kessler task at easy, medium and hard levels.
+//! Critiques of finished episodes on one thread: built-in policies on every task of a world at easy, medium and hard levels.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -9,38 +9,59 @@ use env_core::{Recipe, Scenario, Seed};
 use crate::Row;
 
 const LEVELS: [usize; 4] = [0, 3, 6, 9];
-const SCENARIOS: u64 = 60;
+const POLICIES: [&str; 3] = ["heuristic", "frozen", "random"];
 /// Number of repetitions; the shortest time counts, so that other load has little influence.
 const REPEATS: u32 = 3;
-const GOAL_MS: f64 = 1.0;
+
+/// A world whose critiques are measured.
+struct MeasuredWorld {
+    name: &'static str,
+    /// Scenarios of each level.
+    scenarios: u64,
+    /// Goal of the mean, ms.
+    goal_ms: f64,
+}
+
+const WORLDS: [MeasuredWorld; 2] = [
+    MeasuredWorld { name: "kessler", scenarios: 60, goal_ms: 1.0 },
+    MeasuredWorld { name: "tasking", scenarios: 3, goal_ms: 300.0 },
+];
 
 pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
     let mut rows = Vec::new();
-    let mut all = Vec::new();
-    for policy in ["heuristic", "frozen", "random"] {
-        let mut times = Vec::new();
-        for task in env_core::tasks().filter(|task| task.world().starts_with("kessler")) {
-            for level in LEVELS {
-                let recipe = Arc::new(Recipe::at_level(task, level)?);
-                for seed in 0..SCENARIOS {
-                    let scenario = Scenario::new(Arc::clone(&recipe), Seed::user(seed)?);
-                    let mut agent = task.policy(policy, &scenario, seed)?;
-                    let log = roll_out(&scenario, &mut *agent)?.log;
-                    let mut shortest = f64::MAX;
-                    for _ in 0..REPEATS {
-                        let start = Instant::now();
-                        std::hint::black_box(task.critique(&scenario, &log)?);
-                        shortest = shortest.min(start.elapsed().as_secs_f64() * 1e3);
-                    }
-                    times.push(shortest);
+    for MeasuredWorld { name, scenarios, goal_ms } in WORLDS {
+        let mut all = Vec::new();
+        for policy in POLICIES {
+            let times = times_ms(name, policy, scenarios)?;
+            all.extend_from_slice(&times);
+            rows.push(row(&format!("critique of a {name} episode, run by {policy}"), times, None));
+        }
+        rows.push(row(&format!("critique of a {name} episode, all policies"), all, Some(goal_ms)));
+    }
+    Ok(rows)
+}
+
+/// Times of the critiques of a policy's episodes, ms.
+fn times_ms(world: &str, policy: &str, scenarios: u64) -> anyhow::Result<Vec<f64>> {
+    let mut times = Vec::new();
+    for task in env_core::tasks().filter(|task| task.world().starts_with(world)) {
+        for level in LEVELS {
+            let recipe = Arc::new(Recipe::at_level(task, level)?);
+            for seed in 0..scenarios {
+                let scenario = Scenario::new(Arc::clone(&recipe), Seed::user(seed)?);
+                let mut agent = task.policy(policy, &scenario, seed)?;
+                let log = roll_out(&scenario, &mut *agent)?.log;
+                let mut shortest = f64::MAX;
+                for _ in 0..REPEATS {
+                    let start = Instant::now();
+                    std::hint::black_box(task.critique(&scenario, &log)?);
+                    shortest = shortest.min(start.elapsed().as_secs_f64() * 1e3);
                 }
+                times.push(shortest);
             }
         }
-        all.extend_from_slice(&times);
-        rows.push(row(&format!("critique of a kessler episode, run by {policy}"), times, None));
     }
-    rows.push(row("critique of a kessler episode, all policies", all, Some(GOAL_MS)));
-    Ok(rows)
+    Ok(times)
 }
 
 fn row(label: &str, mut times: Vec<f64>, goal: Option<f64>) -> Row {

@@ -21,8 +21,8 @@ use strict_input::{InputError, InputLimits, ParsedInput};
 /// Explain why an episode lost score, and what each of its actions was worth.
 ///
 /// The episode is a scenario together with its recorded actions, or a scenario that a built-in policy runs now. The result
-/// lists each failure: the body that was met, its bearing and speed, when it first became visible, and whether an action at
-/// that time would have avoided it. Each action is compared with the same episode without it (needed, harmless, wasteful or
+/// lists each failure: its step and agent, its angle (the bearing of a body that was met, or the orbit angle), what was lost, and
+/// whether or how another action would have avoided it. Each action is compared with the same episode without it (needed, harmless, wasteful or
 /// harmful). The deterministic judge scores each step from −1 to 1.
 #[derive(Debug, clap::Args)]
 #[command(after_help = AFTER_HELP)]
@@ -53,7 +53,8 @@ params, physics and layout have defaults. Actions are {\"steps\": [[[0, 0.1, 0.0
 GET /v1/runs/{run}/episodes/{episode} is a valid FILE and contains the actions.
 
 Columns: bearing is the direction of the body seen from the agent min(5, step) steps before the encounter (or when it became \
-visible, if that is later), in degrees from radial out towards in-track; left is the number of steps from then on in which an \
+visible, if that is later), in degrees from radial out towards in-track; orbit angle is that of the satellite from local noon, in \
+degrees in the direction of motion; left is the number of steps from then on in which an \
 agent could act; avoidable says whether an action from then on, within the remaining fuel, would have helped; remedy is the \
 cheapest such action that was found. gain is the score with the action minus the score without it.
 
@@ -254,23 +255,32 @@ impl CritiqueReport {
     }
 
     fn failures(&self) -> TextTable {
-        let unit = self.scenario.task().speed_bands().unit;
-        let mut table = TextTable::new([
+        let task = self.scenario.task();
+        let unit = task.speed_bands().unit;
+        let columns = vec![
             Column::text("failure"),
             Column::text("avoidable"),
             Column::text("remedy").optional(3),
             Column::number("step"),
             Column::number("agent"),
-            Column::number("bearing"),
+            Column::number(task.sector_quantity().name),
             Column::number(format!("speed, {unit}")).optional(1),
             Column::number("seen").optional(2),
             Column::number("left").optional(2),
-        ]);
-        for failure in &self.critique.failures {
-            table.add_row(failure_row(failure));
-        }
-        table
+        ];
+        table_without_empty_columns(columns, self.critique.failures.iter().map(failure_row).collect())
     }
+}
+
+/// Builds a table without the columns in which every cell is empty.
+fn table_without_empty_columns(columns: Vec<Column>, rows: Vec<Vec<String>>) -> TextTable {
+    let is_used = |column: usize| rows.iter().any(|row| row.get(column).is_some_and(|cell| !cell.is_empty()));
+    let used: Vec<bool> = (0..columns.len()).map(is_used).collect();
+    let mut table = TextTable::new(columns.into_iter().zip(&used).filter(|(_, used)| **used).map(|(c, _)| c));
+    for row in rows {
+        table.add_row(row.into_iter().zip(&used).filter(|(_, used)| **used).map(|(cell, _)| cell));
+    }
+    table
 }
 
 fn failure_row(failure: &Failure) -> Vec<String> {
@@ -298,7 +308,7 @@ fn failure_row(failure: &Failure) -> Vec<String> {
         remedy.unwrap_or_default(),
         failure.step.to_string(),
         failure.agent.to_string(),
-        of(|e| format!("{:.0}°", e.bearing_deg)),
+        failure.sector_deg().map_or_else(String::new, |angle| format!("{angle:.0}°")),
         of(|e| format!("{:.2}", e.relative_speed)),
         of(|e| e.first_visible_step.map_or_else(String::new, |step| step.to_string())),
         of(|e| e.steps_left.to_string()),
@@ -320,30 +330,34 @@ fn add_verdicts(report: &mut Report, actions: &[ActionVerdict]) {
         report.paragraph("No action was judged.");
         return;
     }
-    let mut sums =
-        TextTable::new([Column::text("verdict"), Column::number("actions"), Column::number("cost")]);
-    for verdict in [Verdict::Needed, Verdict::Harmless, Verdict::Wasteful, Verdict::Harmful] {
+    // A world without fuel has no costs.
+    let has_costs = actions.iter().any(|action| action.cost != 0.0);
+    let cost_text = |cost: f64| if has_costs { format!("{cost:.2}") } else { String::new() };
+    let sums = [Verdict::Needed, Verdict::Harmless, Verdict::Wasteful, Verdict::Harmful].map(|verdict| {
         let of = || actions.iter().filter(|action| action.verdict == verdict);
         // The sum of an empty iterator is −0.
         let cost = of().map(|action| action.cost).sum::<f64>() + 0.0;
-        sums.add_row([verdict_name(verdict).to_owned(), of().count().to_string(), format!("{cost:.2}")]);
-    }
+        vec![verdict_name(verdict).to_owned(), of().count().to_string(), cost_text(cost)]
+    });
+    let columns = vec![Column::text("verdict"), Column::number("actions"), Column::number("cost")];
+    let sums = table_without_empty_columns(columns, sums.to_vec());
     let mut listed: Vec<&ActionVerdict> = actions.iter().collect();
     listed.sort_by(|a, b| b.gain.abs().total_cmp(&a.gain.abs()).then(b.cost.total_cmp(&a.cost)));
     listed.truncate(MAX_LISTED_ACTIONS);
     listed.sort_by_key(|action| (action.step, action.agent));
-    let mut table = TextTable::new([
+    let columns = vec![
         Column::text("verdict"),
         Column::number("step"),
         Column::number("agent"),
         Column::number("cost"),
         Column::number("gain"),
-    ]);
-    for action in &listed {
+    ];
+    let row = |action: &&ActionVerdict| {
         let ActionVerdict { step, agent, cost, verdict, gain } = **action;
-        let numbers = [step.to_string(), agent.to_string(), format!("{cost:.2}"), format!("{gain:+.3}")];
-        table.add_row(std::iter::once(verdict_name(verdict).to_owned()).chain(numbers));
-    }
+        let name = verdict_name(verdict).to_owned();
+        vec![name, step.to_string(), agent.to_string(), cost_text(cost), format!("{gain:+.3}")]
+    };
+    let table = table_without_empty_columns(columns, listed.iter().map(row).collect());
     report.separate_table(sums).separate_table(table);
     let hidden = actions.len() - listed.len();
     if hidden > 0 {

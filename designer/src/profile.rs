@@ -1,7 +1,7 @@
 //! [`FailureProfile`]: which failures an agent has, and how often. Its JSON is that of `GET /v1/runs/{run}/failure_profiles`, so that
 //! a saved response can be used as input of a designer.
 
-use env_core::critique::BEARING_SECTORS;
+use env_core::critique::PROFILE_SECTORS;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -67,7 +67,7 @@ pub struct SectorWeight {
 }
 
 /// Weight of each bearing sector.
-pub type SectorWeights = [f64; BEARING_SECTORS as usize];
+pub type SectorWeights = [f64; PROFILE_SECTORS as usize];
 
 /// Reason why a text is no usable failure profile.
 #[derive(Debug, thiserror::Error)]
@@ -133,7 +133,7 @@ impl FailureProfile {
                 if !(weight.is_finite() && weight >= 0.0) {
                     return Err(fault("a weight", weight.to_string()));
                 }
-                if sector >= BEARING_SECTORS {
+                if sector >= PROFILE_SECTORS {
                     return Err(fault("a sector", sector.to_string()));
                 }
             }

@@ -25,10 +25,22 @@ pub struct Failure {
     pub step: u32,
     /// Geometry of the contact, if there was one.
     pub encounter: Option<Encounter>,
+    /// Angle of the agent along its orbit from local noon at the loss, degrees in [0, 360) in the direction of motion; `None` in a
+    /// world without the Sun.
+    pub orbit_angle_deg: Option<f64>,
     /// Further values that belong to the mode.
     pub measures: Vec<Measure>,
     /// Description in one sentence.
     pub explanation: String,
+}
+
+impl Failure {
+    /// Angle that places the failure in a failure profile, degrees in [0, 360): the bearing of its encounter, or else its orbit angle.
+    /// [`SectorQuantity`] describes it.
+    #[must_use]
+    pub fn sector_deg(&self) -> Option<f64> {
+        self.encounter.as_ref().map(|encounter| encounter.bearing_deg).or(self.orbit_angle_deg)
+    }
 }
 
 /// A number with its name and unit.
@@ -142,18 +154,38 @@ pub struct SpeedBands {
     pub unit: &'static str,
 }
 
-/// Number of bearing sectors of a failure profile, 30° each; sector 0 is centred on radial out.
-pub const BEARING_SECTORS: u32 = 12;
+/// The angle by whose sectors the failure profiles of a task are divided, as data.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct SectorQuantity {
+    /// Name of the angle.
+    pub name: &'static str,
+    /// Description of the angle, with its origin and its positive direction.
+    pub description: &'static str,
+    /// Names of the directions at 0°, 90°, 180° and 270°.
+    pub directions: [&'static str; 4],
+}
 
-/// The sector of a bearing; sector 0 is −15° to 15°.
+impl SectorQuantity {
+    /// Bearing of a body, seen from the agent in the plane of its orbit.
+    pub(crate) const BEARING: Self = Self {
+        name: "bearing",
+        description: "bearing of the body seen from the agent, from radial out towards in-track",
+        directions: ["radial out", "+ in-track", "radial in", "− in-track"],
+    };
+}
+
+/// Number of sectors of a failure profile, 30° each; sector 0 is centred on 0°.
+pub const PROFILE_SECTORS: u32 = 12;
+
+/// The sector of an angle; sector 0 is −15° to 15°.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a whole number from 0 to 12")]
-pub fn bearing_sector(bearing_deg: f64) -> u32 {
-    let width = 360.0 / f64::from(BEARING_SECTORS);
-    let turned = (bearing_deg + 0.5 * width) / width;
+pub fn profile_sector(angle_deg: f64) -> u32 {
+    let width = 360.0 / f64::from(PROFILE_SECTORS);
+    let turned = (angle_deg + 0.5 * width) / width;
     let whole = libm::floor(turned);
-    let wrapped = whole - libm::floor(whole / f64::from(BEARING_SECTORS)) * f64::from(BEARING_SECTORS);
-    (wrapped as u32).min(BEARING_SECTORS - 1)
+    let wrapped = whole - libm::floor(whole / f64::from(PROFILE_SECTORS)) * f64::from(PROFILE_SECTORS);
+    (wrapped as u32).min(PROFILE_SECTORS - 1)
 }
 
 /// Number of steps before a contact at which its bearing is taken: min(5, step), or fewer if the body becomes visible later.
@@ -182,9 +214,9 @@ mod tests {
     fn sectors_are_centred_on_the_axes_and_wrap() {
         let at = [(0.0, 0), (14.9, 0), (15.1, 1), (90.0, 3), (180.0, 6), (344.9, 11), (345.1, 0), (359.9, 0)];
         for (bearing, wanted) in at {
-            assert_eq!(bearing_sector(bearing), wanted, "{bearing}");
+            assert_eq!(profile_sector(bearing), wanted, "{bearing}");
         }
-        assert_eq!((bearing_sector(-20.0), bearing_sector(720.0), bearing_sector(f64::NAN)), (11, 0, 0));
+        assert_eq!((profile_sector(-20.0), profile_sector(720.0), profile_sector(f64::NAN)), (11, 0, 0));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! The failure profile of a run's task: cells by failure mode, bearing sector and speed band, and the newest failures of each
+//! The failure profile of a run's task: cells by failure mode, sector and speed band, and the newest failures of each
 //! cell. Tables `failure_cells` and `failure_examples`.
 
 use std::collections::BTreeMap;
@@ -11,39 +11,31 @@ use crate::Millis;
 /// Newest failures that are kept of each cell.
 pub const EXAMPLES_PER_CELL: i64 = 64;
 
-/// Stored sector and band of a failure without an encounter.
-const NO_ENCOUNTER: i64 = -1;
+/// Stored sector of a failure without an angle, and stored band of one without an encounter.
+const NONE: i64 = -1;
 
 /// Key of a cell in the profile of a task.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct CellKey {
     /// Name of the failure mode.
     pub mode: String,
-    /// Where the encounter came from; none if nothing was met.
-    pub encounter: Option<EncounterBin>,
-}
-
-/// Bearing and speed of an encounter, as bins.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct EncounterBin {
-    /// Bearing sector, from 0.
-    pub sector: u32,
-    /// Speed band, from 0.
-    pub band: u32,
+    /// Sector of the failure's angle, from 0; none if it has no angle.
+    pub sector: Option<u32>,
+    /// Speed band of the encounter, from 0; none if nothing was met.
+    pub band: Option<u32>,
 }
 
 impl CellKey {
     fn from_columns(mode: String, sector: i64, band: i64) -> Self {
-        let bins = u32::try_from(sector).ok().zip(u32::try_from(band).ok());
-        Self { mode, encounter: bins.map(|(sector, band)| EncounterBin { sector, band }) }
+        Self { mode, sector: u32::try_from(sector).ok(), band: u32::try_from(band).ok() }
     }
 
     fn sector_column(&self) -> i64 {
-        self.encounter.map_or(NO_ENCOUNTER, |bin| i64::from(bin.sector))
+        self.sector.map_or(NONE, i64::from)
     }
 
     fn band_column(&self) -> i64 {
-        self.encounter.map_or(NO_ENCOUNTER, |bin| i64::from(bin.band))
+        self.band.map_or(NONE, i64::from)
     }
 }
 
@@ -92,8 +84,8 @@ pub struct FailureExample {
     pub agent: i64,
     /// Step of the failure, from 1.
     pub step: i64,
-    /// Bearing of the encounter, degrees.
-    pub bearing_deg: Option<f64>,
+    /// Angle of the failure, whose sector is that of its cell, degrees.
+    pub sector_deg: Option<f64>,
     /// Relative speed of the encounter, in the world's unit.
     pub relative_speed: Option<f64>,
     /// Steps that were left to act.
@@ -170,12 +162,12 @@ pub async fn put_examples(
     for rows in examples.chunks(MAX_ROWS) {
         let mut statement = QueryBuilder::new(
             "INSERT OR REPLACE INTO failure_examples (cell, slot, ordinal, episode_ordinal, lease, number, agent, step,
-                 bearing_deg, relative_speed, steps_left, avoidable) ",
+                 sector_deg, relative_speed, steps_left, avoidable) ",
         );
         statement.push_values(rows, |mut values, (cell, example)| {
             values.push_bind(cell).push_bind(example.ordinal % EXAMPLES_PER_CELL).push_bind(example.ordinal);
             values.push_bind(example.episode_ordinal).push_bind(example.lease).push_bind(example.number);
-            values.push_bind(example.agent).push_bind(example.step).push_bind(example.bearing_deg);
+            values.push_bind(example.agent).push_bind(example.step).push_bind(example.sector_deg);
             values.push_bind(example.relative_speed).push_bind(example.steps_left);
             values.push_bind(example.avoidable);
         });
@@ -265,7 +257,7 @@ pub async fn newest_episodes(
 pub struct FailureFilter {
     /// Name of the failure mode.
     pub mode: Option<String>,
-    /// Number of the bearing sector.
+    /// Number of the sector.
     pub sector: Option<u32>,
     /// Number of the speed band.
     pub band: Option<u32>,
@@ -313,7 +305,7 @@ pub async fn examples(
     let rows = query!(
         r#"SELECT c.id AS "cell!", c.mode AS "mode!", c.sector AS "sector!", c.band AS "band!", l.id_suffix AS "id_suffix!",
                   x.ordinal AS "ordinal!", x.episode_ordinal AS "episode_ordinal!", x.lease AS "lease!", x.number AS "number!",
-                  x.agent AS "agent!", x.step AS "step!", x.bearing_deg, x.relative_speed, x.steps_left,
+                  x.agent AS "agent!", x.step AS "step!", x.sector_deg, x.relative_speed, x.steps_left,
                   x.avoidable AS "avoidable: bool"
            FROM failure_cells c JOIN failure_examples x ON x.cell = c.id JOIN leases l ON l.id = x.lease
            WHERE c.run = ?1 AND c.task = ?2 AND (?3 IS NULL OR c.mode = ?3) AND (?4 IS NULL OR c.sector = ?4)
@@ -342,7 +334,7 @@ pub async fn examples(
             number: r.number,
             agent: r.agent,
             step: r.step,
-            bearing_deg: r.bearing_deg,
+            sector_deg: r.sector_deg,
             relative_speed: r.relative_speed,
             steps_left: r.steps_left,
             avoidable: r.avoidable,

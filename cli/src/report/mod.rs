@@ -18,7 +18,7 @@ use commands::run_names::find_stored_run;
 
 /// Write the report of a run as one self-contained HTML file.
 ///
-/// The report shows which levels the agent mastered and on which evidence, its failures and their bearings, the layouts that
+/// The report shows which levels the agent mastered and on which evidence, its failures and their angles, the layouts that
 /// were designed for it, its evaluations, and the rules behind all decisions. A server may use the database at the same time.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\

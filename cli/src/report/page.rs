@@ -268,7 +268,7 @@ fn failure_modes(task: &TaskReport) -> Markup {
                     tr { td { (mode.name.replace('_', " ")) } td .n { (n) } td .n { (percent(avoidable(mode.name))) } td .say { (mode.description) } }
                 } }
             } }
-            div .pictures { @for (mode, _) in &modes { (rose(mode.name, &task.failures, &task.spec.speed_bands())) } }
+            div .pictures { @for (mode, _) in &modes { (rose(mode.name, &task.failures, &task.spec.sector_quantity(), &task.spec.speed_bands())) } }
         }
     }
 }

@@ -1,9 +1,9 @@
-//! Bearing rose: bearings and relative speeds of the encounters that defeat an agent.
+//! Rose of a failure mode: its failures by the angle of the world's sectors and, after encounters, by relative speed.
 
-use env_core::critique::{BEARING_SECTORS, SpeedBands};
+use env_core::critique::{PROFILE_SECTORS, SectorQuantity, SpeedBands};
 use maud::{Markup, html};
 
-use store::failures::{EncounterBin, FailureCell};
+use store::failures::FailureCell;
 
 const SIZE: f64 = 240.0;
 /// Width reserved for a label on each side.
@@ -11,46 +11,71 @@ const LABEL_WIDTH: f64 = 64.0;
 const INNER: f64 = 20.0;
 const OUTER: f64 = 96.0;
 
-/// Draws the rose of a failure mode; empty if the mode has no direction.
-pub(super) fn rose(mode: &str, cells: &[FailureCell], bands: &SpeedBands) -> Markup {
-    let met: Vec<(EncounterBin, i64)> = cells
-        .iter()
-        .filter(|cell| cell.key.mode == mode)
-        .filter_map(|cell| Some((cell.key.encounter?, cell.counters.count)))
-        .collect();
-    let Some(highest) = met.iter().map(|(_, count)| *count).max() else { return html! {} };
-    let rings = bands.edges.len() + 1;
-    let title = format!("{}: failures by bearing and relative speed", mode.replace('_', " "));
+/// Cell of a rose with its number of failures.
+struct RoseCell {
+    sector: u32,
+    /// Speed band; none without an encounter.
+    band: Option<u32>,
+    count: i64,
+}
+
+/// Draws the rose of a failure mode; empty if its failures have no angle.
+pub(super) fn rose(
+    mode: &str,
+    cells: &[FailureCell],
+    quantity: &SectorQuantity,
+    bands: &SpeedBands,
+) -> Markup {
+    let with_angle = |cell: &FailureCell| {
+        let count = cell.counters.count;
+        cell.key.sector.map(|sector| RoseCell { sector, band: cell.key.band, count })
+    };
+    let cells: Vec<_> = cells.iter().filter(|cell| cell.key.mode == mode).filter_map(with_angle).collect();
+    let Some(highest) = cells.iter().map(|cell| cell.count).max() else { return html! {} };
+    let has_bands = cells.iter().any(|cell| cell.band.is_some());
+    let rings = if has_bands { bands.edges.len() + 1 } else { 1 };
+    let by =
+        if has_bands { format!("{} and relative speed", quantity.name) } else { quantity.name.to_owned() };
+    let title = format!("{}: failures by {by}", mode.replace('_', " "));
+    let text = |count: i64, sector: u32, band: usize| {
+        let text = format!("{count} failures, {} {}°", quantity.name, sector * 30);
+        if has_bands { format!("{text}, relative speed {}", speed(band, bands)) } else { text }
+    };
+    let [up, right, down, left] = quantity.directions;
     html! {
         figure {
             svg viewBox={ "0 0 " (SIZE + 2.0 * LABEL_WIDTH) " " (SIZE) } width=(SIZE + 2.0 * LABEL_WIDTH) height=(SIZE) role="img" aria-label=(title) {
                 g transform={ "translate(" (SIZE / 2.0 + LABEL_WIDTH) " " (SIZE / 2.0) ")" } {
-                    @for sector in 0..BEARING_SECTORS {
+                    @for sector in 0..PROFILE_SECTORS {
                         @for band in 0..rings {
-                            @let count = count_of(&met, sector, band);
+                            @let count = count_of(&cells, sector, band);
                             path d=(wedge(sector, band, rings)) fill=(shade(count, highest)) stroke="#d9dee6" {
-                                title { (count) " failures, bearing " (sector * 30) "°, relative speed " (speed(band, bands)) }
+                                title { (text(count, sector, band)) }
                             }
                         }
                     }
-                    text y=(-OUTER - 6.0) text-anchor="middle" { "radial out" }
-                    text y=(OUTER + 16.0) text-anchor="middle" { "radial in" }
-                    text x=(OUTER + 4.0) y="4" { "+ in-track" }
-                    text x=(-OUTER - 4.0) y="4" text-anchor="end" { "− in-track" }
+                    text y=(-OUTER - 6.0) text-anchor="middle" { (up) }
+                    text y=(OUTER + 16.0) text-anchor="middle" { (down) }
+                    text x=(OUTER + 4.0) y="4" { (right) }
+                    text x=(-OUTER - 4.0) y="4" text-anchor="end" { (left) }
                 }
             }
             figcaption {
-                strong { (title) } ". Rings, from the centre: "
-                @for band in 0..rings { @if band > 0 { "; " } (speed(band, bands)) }
-                ". Colour: white is 0 failures, orange is " (highest) "."
+                strong { (title) } ". The " (quantity.name) " is the " (quantity.description) ". "
+                @if has_bands {
+                    "Rings, from the centre: "
+                    @for band in 0..rings { @if band > 0 { "; " } (speed(band, bands)) }
+                    ". "
+                }
+                "Colour: white is 0 failures, orange is " (highest) "."
             }
         }
     }
 }
 
-fn count_of(met: &[(EncounterBin, i64)], sector: u32, band: usize) -> i64 {
-    let here = met.iter().find(|(bin, _)| bin.sector == sector && bin.band as usize == band);
-    here.map_or(0, |(_, count)| *count)
+fn count_of(cells: &[RoseCell], sector: u32, band: usize) -> i64 {
+    let is_here = |cell: &&RoseCell| cell.sector == sector && cell.band.unwrap_or(0) as usize == band;
+    cells.iter().filter(is_here).map(|cell| cell.count).sum()
 }
 
 /// Returns a colour between white (0) and orange (`highest`).
@@ -68,7 +93,7 @@ fn speed(band: usize, bands: &SpeedBands) -> String {
     }
 }
 
-/// Returns the SVG path of a sector in a ring. Radial out is up, in-track to the right.
+/// Returns the SVG path of a sector in a ring. 0° is up, 90° to the right.
 fn wedge(sector: u32, band: usize, rings: usize) -> String {
     let ring = (OUTER - INNER) / rings.max(1) as f64;
     let (near, far) = (INNER + ring * band as f64, INNER + ring * (band + 1) as f64);

@@ -37,6 +37,7 @@ fn collision() -> Failure {
             avoidable: Some(true),
             cheapest_avoidance: Some(Remedy { step: 14, values: vec![0.1, -0.05], cost: 0.559 }),
         }),
+        orbit_angle_deg: None,
         measures: Vec::new(),
         explanation: "debris 4 hit satellite 1 at step 17, from ahead; a burn at step 14 would have saved it"
             .to_owned(),
@@ -106,6 +107,25 @@ fn people_read_a_table() {
     assert!(
         shown(Vec::new()).text_report().render(OutputTarget::Terminal(100)).contains("No action was judged.")
     );
+}
+
+#[test]
+fn columns_without_values_are_left_out() {
+    let free = ActionVerdict { cost: 0.0, ..action(3, Verdict::Needed, 0.2) };
+    let mut report = shown(vec![free]);
+    report.scenario = Scenario::new(
+        Recipe::new(env_core::task("tasking/scanning").unwrap()).unwrap(),
+        Seed::user(7).unwrap(),
+    );
+    for failure in &mut report.critique.failures {
+        (failure.encounter, failure.orbit_angle_deg) = (None, Some(214.6));
+        failure.measures.clear();
+    }
+    let text = report.text_report().render(OutputTarget::Terminal(100));
+    assert!(text.contains("orbit angle") && text.contains("215°"), "{text}");
+    for column in ["bearing", "speed", "avoidable", "cost"] {
+        assert!(!text.contains(column), "{column} in {text}");
+    }
 }
 
 #[test]

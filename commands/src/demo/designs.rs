@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use api_types::{DesignState, DesignSummary};
 use designer::GateCheck;
-use env_core::critique::bearing_sector;
+use env_core::critique::profile_sector;
 use serde::Serialize;
 
 /// Layouts that designers made for the run.
@@ -129,7 +129,7 @@ fn describe_aim(design: &DesignSummary) -> String {
     let mode = aim.mode.replace('_', " ");
     let inertial = aim.frame.as_deref() == Some("inertial");
     let axes = if inertial { SKY } else { ORBIT };
-    let Some(sector) = aim.bearing_deg.map(|bearing| bearing_sector(bearing as f64)) else { return mode };
+    let Some(sector) = aim.bearing_deg.map(|bearing| profile_sector(bearing as f64)) else { return mode };
     let axis = |number: u32| axes[(number / 3 % 4) as usize];
     // Every third sector is centred on an axis. The two sectors between them lie between two axes.
     let from = match sector % 3 {

@@ -26,6 +26,7 @@ export type EvaluationSummary = Schema["EvaluationSummary"];
 export type FailureCell = Schema["FailureCell"];
 export type FailureModeCounts = Schema["FailureModeCounts"];
 export type FailureProfiles = Schema["FailureProfiles"];
+export type SectorQuantity = Schema["SectorQuantity"];
 export type GroupRole = Schema["GroupRole"];
 export type LevelTable = Schema["LevelTable"];
 export type PolicyVersion = Schema["PolicyVersion"];

@@ -4,7 +4,7 @@ import { fixed } from "../lib/format";
 
 type ActionValue = EpisodeCritique["actions"][number];
 
-/** Difference of scores above which a verdict depends on the score: that of kessler, and that of docking. */
+/** Difference of scores above which a verdict depends on the score: that of kessler and tasking, and that of docking. */
 const RELEVANT_GAIN = { kessler: 0.001, docking: 0.05 };
 /** Tasks of kessler whose episodes have a goal besides the survival of the satellites. */
 const GOAL_TASKS = ["kessler/rendezvous", "kessler/formation"];

@@ -1,6 +1,6 @@
 //! Samples designs from a failure profile: debris comes from the bearings and at the speeds of the agent's failures.
 
-use env_core::critique::{BEARING_SECTORS, bearing_sector};
+use env_core::critique::{PROFILE_SECTORS, profile_sector};
 use env_core::kessler::bearing::BearingFrame;
 use env_core::kessler::constants::{CONTACT_DISTANCE, FUEL_PER_SPEED};
 use env_core::{KeyedRng, Scenario};
@@ -96,9 +96,9 @@ impl Target {
         let is_known = sectors.iter().sum::<f64>() > 0.0;
         let sharpened = sharpen(&sectors);
         let explores = !is_known || rng.bernoulli(EXPLORATION);
-        let weights = if explores { &[1.0; BEARING_SECTORS as usize] } else { &sharpened };
+        let weights = if explores { &[1.0; PROFILE_SECTORS as usize] } else { &sharpened };
         let sector = rng.weighted_index(weights)?;
-        let centre = sector as f64 * 360.0 / f64::from(BEARING_SECTORS);
+        let centre = sector as f64 * 360.0 / f64::from(PROFILE_SECTORS);
         // Waste and lack of fuel have no bearing.
         let has_bearing = matches!(spec.mode, "collision" | "rogue");
         let bearing_deg =
@@ -195,7 +195,7 @@ fn add_past_layouts(
             continue;
         }
         if let Some(aimed) = design.aim.bearing_deg.filter(|_| design.frame == frame) {
-            sectors[bearing_sector(f64::from(aimed)) as usize] += regret;
+            sectors[profile_sector(f64::from(aimed)) as usize] += regret;
         }
         let share = regret / design.encounters.len().max(1) as f64;
         for encounter in &design.encounters {

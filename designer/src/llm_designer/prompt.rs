@@ -1,7 +1,7 @@
 //! Prompts of the designer. The templates are files in `prompts/`, one folder per version. A change of a template, of a
 //! language's rules or of a refusal's message needs a new version, so that layouts are traceable to their prompt.
 
-use env_core::critique::{BEARING_SECTORS, SpeedBands};
+use env_core::critique::{PROFILE_SECTORS, SpeedBands};
 use llm::{Message, Role, sanitize_line_to};
 use serde_json::Value;
 
@@ -227,7 +227,7 @@ fn band_text(bands: SpeedBands, band: Option<u32>) -> String {
 
 /// Returns the bearing of the middle of a sector, in degrees.
 const fn sector_centre(sector: u32) -> u32 {
-    sector * 360 / BEARING_SECTORS
+    sector * 360 / PROFILE_SECTORS
 }
 
 /// Returns the failures of a mode by bearing in the inertial frame; `None` if there are none.
@@ -237,7 +237,7 @@ fn inertial_bearings_text(mode: &ModeProfile) -> Option<String> {
     if total <= 0.0 {
         return None;
     }
-    let sectors = (0..BEARING_SECTORS).zip(weights).filter(|(_, weight)| *weight > 0.0);
+    let sectors = (0..PROFILE_SECTORS).zip(weights).filter(|(_, weight)| *weight > 0.0);
     let shares = sectors
         .map(|(sector, weight)| format!("{} from {}", percent(weight / total), sector_centre(sector)))
         .collect::<Vec<_>>()

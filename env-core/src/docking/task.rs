@@ -12,7 +12,7 @@ use super::setup::DockingSetup;
 use super::{WORLD_ID, batch, codec, critique, planner, policies, spaces, telemetry};
 use crate::batch::{Batch, BatchConfig, BatchError, ScenarioSource};
 use crate::bracket::{Bracket, EpisodeOutcome};
-use crate::critique::{Critique, FailureModeSpec, SpeedBands};
+use crate::critique::{Critique, FailureModeSpec, SectorQuantity, SpeedBands};
 use crate::error::ReplayError;
 use crate::error::{LogError, ScenarioError};
 use crate::log::ActionLog;
@@ -150,6 +150,10 @@ impl TaskSpec for DockingTask {
 
     fn speed_bands(&self) -> SpeedBands {
         critique::DOCKING_SPEED_BANDS
+    }
+
+    fn sector_quantity(&self) -> SectorQuantity {
+        SectorQuantity::BEARING
     }
 
     fn critique(&self, scenario: &Scenario, log: &ActionLog) -> Result<Critique, ReplayError> {

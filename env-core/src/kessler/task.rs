@@ -13,7 +13,7 @@ use super::setup::KesslerSetup;
 use super::{WORLD_ID, batch, codec, critique, planner, policies, spaces, telemetry, threat_placement};
 use crate::batch::{Batch, BatchConfig, BatchError, ScenarioSource};
 use crate::bracket::{Bracket, EpisodeOutcome};
-use crate::critique::{Critique, FailureModeSpec, Judgement, SpeedBands};
+use crate::critique::{Critique, FailureModeSpec, Judgement, SectorQuantity, SpeedBands};
 use crate::error::ReplayError;
 use crate::error::{LogError, ScenarioError};
 use crate::log::ActionLog;
@@ -188,6 +188,10 @@ impl TaskSpec for KesslerTask {
 
     fn speed_bands(&self) -> SpeedBands {
         critique::KESSLER_SPEED_BANDS
+    }
+
+    fn sector_quantity(&self) -> SectorQuantity {
+        SectorQuantity::BEARING
     }
 
     fn critique(&self, scenario: &Scenario, log: &ActionLog) -> Result<Critique, ReplayError> {

@@ -24,7 +24,7 @@ pub use self::recipe::{Recipe, RecipeId};
 pub use self::scenario::{Scenario, ScenarioId};
 use crate::batch::{Batch, BatchConfig, BatchError, ScenarioSource};
 use crate::bracket::{Bracket, EpisodeOutcome};
-use crate::critique::{Critique, FailureModeSpec, Judgement, SpeedBands};
+use crate::critique::{Critique, FailureModeSpec, Judgement, SectorQuantity, SpeedBands};
 use crate::error::{LogError, ReplayError, ScenarioError};
 use crate::log::ActionLog;
 use crate::policy::{Policy, PolicyError, PolicySpec};
@@ -194,6 +194,9 @@ pub trait TaskSpec: Send + Sync {
 
     /// Bands of relative speed for reports.
     fn speed_bands(&self) -> SpeedBands;
+
+    /// The angle by whose sectors failure profiles are divided: that of [`Failure::sector_deg`](crate::critique::Failure::sector_deg).
+    fn sector_quantity(&self) -> SectorQuantity;
 
     /// Analyses an episode: why score was lost, what each action was worth, and the judge's verdict.
     ///

@@ -6,7 +6,7 @@ use std::sync::{Arc, LazyLock};
 use designer::fuzzing::extract_designs;
 use designer::replay::parse_layouts;
 use designer::{DesignBrief, DesignLanguage, FailureProfile, design_language};
-use env_core::critique::BEARING_SECTORS;
+use env_core::critique::PROFILE_SECTORS;
 use env_core::{Recipe, SeedSpace};
 use serde_json::{Value, json};
 
@@ -81,7 +81,7 @@ fn failure_profile(bytes: &[u8]) -> bool {
             assert!(mode.weight >= 0.0 && mode.weight.is_finite(), "{}", mode.weight);
             let sectors = mode.cells.iter().filter_map(|cell| cell.sector);
             let sectors = sectors.chain(mode.inertial_sectors.iter().map(|weight| weight.sector));
-            assert!(sectors.into_iter().all(|sector| sector < BEARING_SECTORS), "a sector is out of range");
+            assert!(sectors.into_iter().all(|sector| sector < PROFILE_SECTORS), "a sector is out of range");
         }
         let written = serde_json::to_string(&profile).expect("a profile has a JSON form");
         assert_eq!(FailureProfile::parse(&written, None).ok(), Some(profile), "the written profile differs");

@@ -4,10 +4,10 @@
 //! episodes later. Each weight is stored with the episode of its last update, so that its current value follows from the two and no
 //! row has to be updated only because time passes.
 
-use env_core::critique::{Critique, SpeedBands, Verdict, bearing_sector};
+use env_core::critique::{Critique, SpeedBands, Verdict, profile_sector};
 use store::critiques::{CritiqueCounters, DecayingSum};
 use store::failure_sectors::InertialSectorRow;
-use store::failures::{CellCounters, CellKey, EncounterBin};
+use store::failures::{CellCounters, CellKey};
 
 use clock::Millis;
 
@@ -54,6 +54,8 @@ pub struct FailureFinding {
     pub agent: u32,
     /// Step of the failure, from 1.
     pub step: u32,
+    /// Angle whose sector the key has, in degrees.
+    pub sector_deg: Option<f64>,
     /// The encounter behind the failure, if there was one.
     pub encounter: Option<EncounterFinding>,
     /// Inertial sector of the encounter, in a world with an inertial frame.
@@ -63,8 +65,6 @@ pub struct FailureFinding {
 /// An encounter as the profile keeps it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EncounterFinding {
-    /// Bearing of the other object, in degrees.
-    pub bearing_deg: f64,
     /// Relative speed, in the world's unit.
     pub relative_speed: f64,
     /// Steps between the first detection and the encounter.
@@ -88,19 +88,19 @@ impl EpisodeFindings {
         }
         let failures = critique.failures.iter().map(|failure| {
             let encounter = failure.encounter.as_ref().map(|e| EncounterFinding {
-                bearing_deg: e.bearing_deg,
                 relative_speed: e.relative_speed,
                 steps_left: e.steps_left,
                 avoidable: e.avoidable,
             });
-            let bin = encounter.map(|found| EncounterBin {
-                sector: bearing_sector(found.bearing_deg),
-                band: bands.band(found.relative_speed),
-            });
-            let key = CellKey { mode: failure.mode.to_owned(), encounter: bin };
+            let sector_deg = failure.sector_deg();
+            let key = CellKey {
+                mode: failure.mode.to_owned(),
+                sector: sector_deg.map(profile_sector),
+                band: encounter.map(|found| bands.band(found.relative_speed)),
+            };
             let inertial =
-                failure.encounter.as_ref().and_then(|e| e.bearing_inertial_deg).map(bearing_sector);
-            FailureFinding { key, agent: failure.agent, step: failure.step, encounter, inertial }
+                failure.encounter.as_ref().and_then(|e| e.bearing_inertial_deg).map(profile_sector);
+            FailureFinding { key, agent: failure.agent, step: failure.step, sector_deg, encounter, inertial }
         });
         Ok(Self {
             number,
@@ -160,12 +160,12 @@ mod tests {
     use super::*;
 
     fn failure(mode: &str) -> FailureFinding {
-        let encounter =
-            EncounterFinding { bearing_deg: 90.0, relative_speed: 2.0, steps_left: 7, avoidable: Some(true) };
+        let encounter = EncounterFinding { relative_speed: 2.0, steps_left: 7, avoidable: Some(true) };
         FailureFinding {
-            key: CellKey { mode: mode.to_owned(), encounter: Some(EncounterBin { sector: 3, band: 1 }) },
+            key: CellKey { mode: mode.to_owned(), sector: Some(3), band: Some(1) },
             agent: 0,
             step: 9,
+            sector_deg: Some(90.0),
             encounter: Some(encounter),
             inertial: Some(3),
         }

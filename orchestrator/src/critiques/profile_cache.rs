@@ -142,7 +142,7 @@ fn example(
         number: episode.number,
         agent: i64::from(failure.agent),
         step: i64::from(failure.step),
-        bearing_deg: encounter.map(|found| found.bearing_deg),
+        sector_deg: failure.sector_deg,
         relative_speed: encounter.map(|found| found.relative_speed),
         steps_left: encounter.map(|found| i64::from(found.steps_left)),
         avoidable: encounter.and_then(|found| found.avoidable),

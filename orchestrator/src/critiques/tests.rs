@@ -1,5 +1,7 @@
 //! Stores critiques in a real database: every finding once, whatever the size of jobs and batches.
 
+mod tasking;
+
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -9,7 +11,7 @@ use env_core::{ActionLog, SeedSpace, rollout};
 use proptest::prelude::*;
 use store::critiques::{self, CritiqueCounters, CritiqueJob, NewCritiqueJob};
 use store::failure_sectors::{self, InertialSectorRow};
-use store::failures::{self, CellCounters, CellKey, EncounterBin, FailureCursor, FailureFilter};
+use store::failures::{self, CellCounters, CellKey, FailureCursor, FailureFilter};
 use store::leases::{self, Disclosure, LeaseForm, LeaseRow, LeaseStatus, Purpose};
 
 use crate::critiques::criticise::criticise;
@@ -31,7 +33,10 @@ const TASK: &str = "kessler/survival";
 const BANDS: SpeedBands = SpeedBands { edges: &[1.0, 2.0], unit: "LU/TU" };
 
 /// Stores a lease and enqueues jobs of these sizes.
-struct EnqueueJobs(Vec<usize>);
+struct EnqueueJobs {
+    task: &'static str,
+    sizes: Vec<usize>,
+}
 
 impl Change for EnqueueJobs {
     type Output = Vec<CritiqueJob>;
@@ -57,10 +62,10 @@ impl Change for EnqueueJobs {
         };
         leases::insert(&mut tx.conn, &row, &[]).await?;
         let mut first = 0;
-        for size in self.0 {
+        for size in self.sizes {
             let numbers: Vec<i64> = (first..).take(size).collect();
             first += size as i64;
-            let job = NewCritiqueJob { task: TASK, lease: row.id, numbers: &numbers };
+            let job = NewCritiqueJob { task: self.task, lease: row.id, numbers: &numbers };
             critiques::enqueue(&mut tx.conn, RUN, &[job]).await?;
         }
         Ok(critiques::oldest(&mut tx.conn, 1000).await?)
@@ -76,18 +81,18 @@ struct StoredProfile {
     waiting: i64,
 }
 
-struct ReadProfile;
+struct ReadProfile(&'static str);
 
 impl Change for ReadProfile {
     type Output = StoredProfile;
 
     async fn apply(self, tx: &mut WriteTx) -> Result<StoredProfile, ServiceError> {
         let conn = &mut tx.conn;
-        let cells = failures::profile(conn, RUN, TASK).await?;
+        let cells = failures::profile(conn, RUN, self.0).await?;
         Ok(StoredProfile {
-            sums: critiques::counters(conn, RUN, TASK).await?,
+            sums: critiques::counters(conn, RUN, self.0).await?,
             cells: cells.into_iter().map(|cell| (cell.key, cell.counters)).collect(),
-            inertial: failure_sectors::of_task(conn, RUN, TASK).await?,
+            inertial: failure_sectors::of_task(conn, RUN, self.0).await?,
             waiting: critiques::waiting_by_run(conn).await?.values().sum(),
         })
     }
@@ -106,8 +111,11 @@ impl Change for ReadExamples {
 async fn open(db: &Path) -> Writer {
     let connection = store::open_writer(db).await.unwrap();
     let (writer, _) = Writer::start(connection, None, Clock::manual(1_000).clock, WorkerSignals::default());
-    let request =
-        RunRequest { id: Some(RUN.to_owned()), tasks: Some(vec![TASK.to_owned()]), ..RunRequest::default() };
+    let request = RunRequest {
+        id: Some(RUN.to_owned()),
+        tasks: Some(vec![TASK.to_owned(), tasking::TASK.to_owned()]),
+        ..RunRequest::default()
+    };
     writer.change(CreateRun::from_request(&request).unwrap()).await.unwrap();
     writer
 }
@@ -128,6 +136,7 @@ fn collision(bearing_deg: f64, relative_speed: f64, avoidable: Option<bool>) -> 
         agent: 1,
         step: 7,
         encounter: Some(encounter),
+        orbit_angle_deg: None,
         measures: Vec::new(),
         explanation: String::new(),
     }
@@ -157,9 +166,9 @@ fn critique_fills_the_cells_of_its_failures() {
     assert_eq!((note.number, note.judged, note.verdicts), (3, -0.5, [1, 0, 0, 1]));
     assert_eq!(
         note.failures[0].key,
-        CellKey { mode: "collision".to_owned(), encounter: Some(EncounterBin { sector: 11, band: 2 }) }
+        CellKey { mode: "collision".to_owned(), sector: Some(11), band: Some(2) }
     );
-    assert_eq!(note.failures[1].key, CellKey { mode: "decay".to_owned(), encounter: None });
+    assert_eq!(note.failures[1].key, CellKey { mode: "decay".to_owned(), sector: None, band: None });
     assert!(EpisodeFindings::of(3, &critique(f64::NAN, Vec::new()), BANDS).is_err());
 }
 
@@ -167,8 +176,8 @@ fn critique_fills_the_cells_of_its_failures() {
 async fn findings_read_back_and_a_job_is_stored_once() {
     let folder = tempfile::tempdir().unwrap();
     let writer = open(&folder.path().join("x.sqlite3")).await;
-    let jobs = writer.change(EnqueueJobs(vec![100, 3])).await.unwrap();
-    assert_eq!(writer.change(ReadProfile).await.unwrap().waiting, 103);
+    let jobs = writer.change(EnqueueJobs { task: TASK, sizes: vec![100, 3] }).await.unwrap();
+    assert_eq!(writer.change(ReadProfile(TASK)).await.unwrap().waiting, 103);
     let notes = |count: i64| {
         let note =
             |n| EpisodeFindings::of(n, &critique(0.25, vec![collision(95.0, 1.5, Some(n % 2 == 0))]), BANDS);
@@ -176,13 +185,10 @@ async fn findings_read_back_and_a_job_is_stored_once() {
     };
     let first = || result_of(jobs[0].clone(), notes(100));
     writer.change(StoreCritiques(vec![first()])).await.unwrap();
-    let once = writer.change(ReadProfile).await.unwrap();
+    let once = writer.change(ReadProfile(TASK)).await.unwrap();
     let closed: f64 = (0..100).map(|i| decay(1.0, i)).sum();
     let (key, cell) = &once.cells[0];
-    assert_eq!(
-        (key.encounter, once.cells.len(), once.waiting),
-        (Some(EncounterBin { sector: 3, band: 1 }), 1, 3)
-    );
+    assert_eq!((key.sector, key.band, once.cells.len(), once.waiting), (Some(3), Some(1), 1, 3));
     assert_eq!((cell.count, cell.avoidable, cell.unavoidable, cell.steps_left), (100, 50, 50, 600));
     assert_eq!((cell.as_of, cell.last_at), (100, 1_000));
     // 100 multiplications and additions below 128: at most 1e-12 together.
@@ -192,7 +198,7 @@ async fn findings_read_back_and_a_job_is_stored_once() {
 
     // A worker that stopped after its commit repeats the job: nothing changes.
     writer.change(StoreCritiques(vec![first()])).await.unwrap();
-    assert_eq!(writer.change(ReadProfile).await.unwrap(), once);
+    assert_eq!(writer.change(ReadProfile(TASK)).await.unwrap(), once);
 
     // Skipped and failed episodes are counted only.
     let rest = CritiqueResult {
@@ -202,7 +208,7 @@ async fn findings_read_back_and_a_job_is_stored_once() {
         ..result_of(jobs[1].clone(), Vec::new())
     };
     writer.change(StoreCritiques(vec![rest])).await.unwrap();
-    let both = writer.change(ReadProfile).await.unwrap();
+    let both = writer.change(ReadProfile(TASK)).await.unwrap();
     assert_eq!((both.sums.criticised, both.sums.skipped, both.sums.failed, both.waiting), (100, 2, 1, 0));
     assert_eq!(both.cells, once.cells);
 
@@ -222,7 +228,7 @@ async fn findings_read_back_and_a_job_is_stored_once() {
     assert!(writer.change(ReadExamples(elsewhere, 5)).await.unwrap().is_empty());
     let x = &all[0].example;
     assert_eq!(
-        (x.bearing_deg, x.relative_speed, x.steps_left, x.avoidable),
+        (x.sector_deg, x.relative_speed, x.steps_left, x.avoidable),
         (Some(95.0), Some(1.5), Some(6), Some(false))
     );
 }
@@ -260,17 +266,14 @@ fn findings() -> impl Strategy<Value = Vec<EpisodeFindings>> {
     let failure = failure.prop_map(|(mode, sector, band, avoidable, steps_left)| FailureFinding {
         key: CellKey {
             mode: ["collision", "debris", "decay"][mode].to_owned(),
-            encounter: (mode < 2).then_some(EncounterBin { sector, band }),
+            sector: (mode < 2).then_some(sector),
+            band: (mode < 2).then_some(band),
         },
         agent: 0,
         step: 5,
         inertial: (mode < 2).then_some((sector * 5 + band) % 12),
-        encounter: (mode < 2).then_some(EncounterFinding {
-            bearing_deg: 1.0,
-            relative_speed: 1.0,
-            steps_left,
-            avoidable,
-        }),
+        sector_deg: (mode < 2).then_some(1.0),
+        encounter: (mode < 2).then_some(EncounterFinding { relative_speed: 1.0, steps_left, avoidable }),
     });
     let failures = proptest::collection::vec(failure, 0..4);
     // The judged values are eighths, whose sums are exact in any order.
@@ -305,14 +308,15 @@ async fn store(findings: Vec<EpisodeFindings>, sizes: &[usize], batch: usize) ->
         let tail = rest.split_off(size);
         parts.push(std::mem::replace(&mut rest, tail));
     }
-    let jobs = writer.change(EnqueueJobs(parts.iter().map(Vec::len).collect())).await.unwrap();
+    let jobs =
+        writer.change(EnqueueJobs { task: TASK, sizes: parts.iter().map(Vec::len).collect() }).await.unwrap();
     let mut all: Vec<CritiqueResult> =
         jobs.into_iter().zip(parts).map(|(job, findings)| result_of(job, findings)).collect();
     while !all.is_empty() {
         let tail = all.split_off(batch.min(all.len()));
         writer.change(StoreCritiques(std::mem::replace(&mut all, tail))).await.unwrap();
     }
-    writer.change(ReadProfile).await.unwrap()
+    writer.change(ReadProfile(TASK)).await.unwrap()
 }
 
 proptest! {

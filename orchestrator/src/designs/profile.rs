@@ -121,11 +121,10 @@ impl CollectedProfile {
 
 fn failure_cell(cell: &WeightedCell) -> FailureCell {
     let WeightedCell { key, counters, weight, .. } = cell;
-    let share =
-        |n: i64| key.encounter.filter(|_| counters.count > 0).map(|_| n as f64 / counters.count as f64);
+    let share = |n: i64| key.band.filter(|_| counters.count > 0).map(|_| n as f64 / counters.count as f64);
     FailureCell {
-        sector: key.encounter.map(|bin| bin.sector),
-        band: key.encounter.map(|bin| bin.band),
+        sector: key.sector,
+        band: key.band,
         count: to_u64(counters.count),
         weight: *weight,
         avoidable_share: share(counters.avoidable),

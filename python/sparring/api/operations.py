@@ -403,7 +403,7 @@ class Failures:
         Args:
             task: Id of the task.
             mode: Name of the failure mode.
-            sector: Bearing sector, from 0 to 11.
+            sector: Sector of the angle, from 0 to 11.
             band: Speed band, from 0.
             limit: Largest number of failures on a page, from 1 to 500 (default 50).
             cursor: Field `next` of the previous page.
@@ -1180,7 +1180,7 @@ class AsyncFailures:
         Args:
             task: Id of the task.
             mode: Name of the failure mode.
-            sector: Bearing sector, from 0 to 11.
+            sector: Sector of the angle, from 0 to 11.
             band: Speed band, from 0.
             limit: Largest number of failures on a page, from 1 to 500 (default 50).
             cursor: Field `next` of the previous page.

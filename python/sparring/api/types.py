@@ -111,15 +111,6 @@ class AvoidingAction(TypedDict):
     """Values of the action, in the order of the task's action space."""
 
 
-class BearingSector(TypedDict):
-    """Sector of bearings, as data."""
-
-    bearing_deg: float
-    """Centre of the sector, degrees; it extends 15° to either side."""
-    sector: int
-    """Number of the sector, from 0."""
-
-
 Group: TypeAlias = int
 
 
@@ -259,8 +250,6 @@ class CritiqueEncounter(TypedDict):
     """First step after which the body was visible, 0 at the start; null if it never was."""
     relative_speed: float
     """Relative speed at contact, in the world's unit of speed."""
-    sector: int
-    """Bearing sector in a failure profile, from 0 to 11."""
     steps_left: int
     """Number of steps from `first_visible_step` to the contact in which the agent could act."""
 
@@ -395,8 +384,6 @@ class EpisodeFailure(TypedDict):
     """
     band: NotRequired[int | None]
     """Speed band, from 0; null without an encounter."""
-    bearing_deg: NotRequired[float | None]
-    """Bearing of the body, degrees from radial out towards in-track."""
     episode: str
     """Id of the episode."""
     mode: str
@@ -404,7 +391,9 @@ class EpisodeFailure(TypedDict):
     relative_speed: NotRequired[float | None]
     """Relative speed, in the world's unit of speed."""
     sector: NotRequired[int | None]
-    """Bearing sector, from 0 to 11; null without an encounter."""
+    """Sector of the angle, from 0 to 11; null without an angle."""
+    sector_deg: NotRequired[float | None]
+    """Angle that the sectors of the profile divide, degrees; null if the failure has none."""
     step: int
     """Step of the failure, from 1."""
     steps_left: NotRequired[int | None]
@@ -588,7 +577,7 @@ class EvidencePoint(TypedDict):
 
 
 class FailureCell(TypedDict):
-    """Failures of one mode from one bearing sector in one speed band."""
+    """Failures of one mode in one sector and one speed band."""
 
     avoidable_share: NotRequired[float | None]
     """
@@ -606,7 +595,7 @@ class FailureCell(TypedDict):
     mean_steps_left: NotRequired[float | None]
     """Mean number of steps in which the agent could act after the body became visible; null without encounters."""
     sector: NotRequired[int | None]
-    """Bearing sector, from 0 to 11; null without an encounter."""
+    """Sector of the angle, from 0 to 11; null without an angle."""
     unseen_share: NotRequired[float | None]
     """Share of the failures in which the body was never visible; null without encounters."""
     weight: float
@@ -980,6 +969,15 @@ class Problem(TypedDict):
     """URN of the kind of problem."""
 
 
+class ProfileSector(TypedDict):
+    """Sector of a failure profile, as data."""
+
+    angle_deg: float
+    """Centre of the sector, degrees; it extends 15° to either side."""
+    sector: int
+    """Number of the sector, from 0."""
+
+
 ReceiptStatus: TypeAlias = Literal["counted", "stored", "audited", "failed", "late", "duplicate", "refused"]
 """Effect of the report of one episode."""
 
@@ -1229,6 +1227,17 @@ class ScenarioRequest(TypedDict):
     True to return `frames`: the episode step by step, with the observations of the agents (default false). Without `actions` no
     agent acts.
     """
+
+
+class SectorQuantity(TypedDict):
+    """Angle by whose sectors the failure profiles of a task are divided."""
+
+    description: str
+    """Description of the angle, with its origin and its positive direction."""
+    directions: list[str]
+    """Names of the directions at 0°, 90°, 180° and 270°."""
+    name: str
+    """Name of the angle, such as `bearing` or `orbit angle`."""
 
 
 class SeedRange(TypedDict):
@@ -1697,6 +1706,13 @@ class CritiqueFailure(TypedDict):
     """Further measures of the failure mode."""
     mode: str
     """Name of the failure mode."""
+    sector: NotRequired[int | None]
+    """Sector of the failure in a failure profile, from 0 to 11; null if it has no angle."""
+    sector_deg: NotRequired[float | None]
+    """
+    Angle of the failure in the quantity of the task's sectors, degrees in [0, 360): the bearing of an encounter, or the orbit
+    angle of the satellite.
+    """
     step: int
     """Step of the failure, from 1."""
 
@@ -1972,8 +1988,10 @@ class FailureProfile(TypedDict):
     judge: NotRequired[Trend | None]
     modes: list[FailureModeCounts]
     """Failure modes of the task, including those that never occurred."""
-    sectors: list[BearingSector]
-    """The 12 bearing sectors: bearing of the body seen from the agent, degrees from radial out towards in-track."""
+    sector_quantity: SectorQuantity
+    """Angle that the sectors divide."""
+    sectors: list[ProfileSector]
+    """The 12 sectors of that angle."""
     skipped: int
     """Number of episodes that were skipped by sampling."""
     task: str
@@ -2366,6 +2384,8 @@ class Task(TypedDict):
     """Names of the parameters of the trainable reflex policy, each from 0 to 1."""
     score: TaskScoreRange
     """Range of the score."""
+    sector_quantity: SectorQuantity
+    """Angle by whose sectors failure profiles are divided."""
     speed_bands: TaskSpeedBands
     """Bands of relative speed in failure profiles."""
     time_limit_s: NotRequired[float | None]

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::atomic::Ordering;
 
 use clock::{Clock, ManualClock};
-use env_core::critique::{Critique, bearing_sector};
+use env_core::critique::{Critique, profile_sector};
 use env_core::{ActionLog, Scenario};
 use serde_json::{Value, json};
 use sqlx::Connection;
@@ -65,7 +65,7 @@ fn count_failures(cells: &mut Cells, scenario: &Scenario, critique: &Critique) {
     for failure in &critique.failures {
         let encounter = failure.encounter.as_ref();
         let encounter = encounter
-            .map(|e| (u64::from(bearing_sector(e.bearing_deg)), u64::from(bands.band(e.relative_speed))));
+            .map(|e| (u64::from(profile_sector(e.bearing_deg)), u64::from(bands.band(e.relative_speed))));
         *cells.entry((failure.mode.to_owned(), encounter)).or_default() += 1;
     }
 }
@@ -73,8 +73,11 @@ fn count_failures(cells: &mut Cells, scenario: &Scenario, critique: &Critique) {
 /// Returns a critique of the API without the fields that the server adds.
 fn without_server_fields(mut body: Value) -> Value {
     for failure in body["failures"].as_array_mut().unwrap() {
+        let fields = failure.as_object_mut().unwrap();
+        fields.remove("sector").unwrap();
+        fields.remove("sector_deg").unwrap();
+        fields.insert("orbit_angle_deg".to_owned(), Value::Null);
         if let Some(encounter) = failure["encounter"].as_object_mut() {
-            encounter.remove("sector").unwrap();
             encounter.remove("band").unwrap();
         }
     }
@@ -114,7 +117,7 @@ async fn count_listed_failures(api: &ApiClient) -> u64 {
                     f["mode"],
                     f["agent"],
                     f["step"],
-                    encounter["sector"],
+                    f["sector"],
                     encounter["band"],
                     encounter["steps_left"],
                     encounter["avoidable"]

@@ -28,6 +28,7 @@ pub(super) fn collision_failure(trajectory: &DockingTrajectory, deputy: usize) -
             agent: deputy as u32,
             step,
             encounter: None,
+            orbit_angle_deg: None,
             measures: vec![Measure::new("distance", distance(trajectory.state(deputy, step)), "m")],
             explanation: format!("Deputy {deputy} was still flying when two others collided at step {step}."),
         },
@@ -59,6 +60,7 @@ fn pair_failure(trajectory: &DockingTrajectory, deputy: usize, other: usize, ste
             "Deputy {deputy} met deputy {other} at step {step}, {away:.1} m from the chief, at {relative:.3} m/s from \
              bearing {bearing_deg:.0}°; {remedy}."
         ),
+        orbit_angle_deg: None,
         encounter: Some(Encounter {
             body: other as u32,
             bearing_deg,

@@ -77,6 +77,7 @@ fn crash(trajectory: &DockingTrajectory, deputy: usize) -> Failure {
              bearing {bearing_deg:.0}°, and {brake}.",
             v - limit
         ),
+        orbit_angle_deg: None,
         encounter: Some(Encounter {
             body: 0,
             bearing_deg,
@@ -152,6 +153,7 @@ fn saturation(trajectory: &DockingTrajectory, deputy: usize) -> Failure {
         agent: deputy as u32,
         step,
         encounter: None,
+        orbit_angle_deg: None,
         measures: vec![
             Measure::new("time_over_limit", over.seconds, "s"),
             Measure::new("first_violation_step", f64::from(over.first), "s"),
@@ -192,6 +194,7 @@ fn out_of_bounds(trajectory: &DockingTrajectory, deputy: usize) -> Failure {
         agent: deputy as u32,
         step,
         encounter: None,
+        orbit_angle_deg: None,
         measures: vec![
             Measure::new("distance", d, "m"),
             Measure::new("speed", v, "m/s"),
@@ -223,6 +226,7 @@ fn timeout(trajectory: &DockingTrajectory, deputy: usize) -> Failure {
         agent: deputy as u32,
         step,
         encounter: None,
+        orbit_angle_deg: None,
         measures: vec![
             Measure::new("distance", d, "m"),
             Measure::new("closing_speed", closing, "m/s"),

@@ -56,6 +56,7 @@ fn break_up_failure(bodies: &[Bodies], goal: f64) -> Failure {
         agent: first as u32,
         step: step as u32,
         encounter: None,
+        orbit_angle_deg: None,
         measures: vec![
             Measure::new("other", second as f64, ""),
             Measure::new("distance", distance, "LU"),

@@ -49,6 +49,7 @@ fn rejected_burns_failure(analysis: &EpisodeAnalysis<'_>, satellite: usize) -> O
         agent: satellite as u32,
         step: first.step,
         encounter: None,
+        orbit_angle_deg: None,
         measures: vec![
             Measure::new("refused_burns", count as f64, ""),
             Measure::new("cost", first.cost, "fuel"),
@@ -84,6 +85,7 @@ fn low_fuel_failure(analysis: &EpisodeAnalysis<'_>, loss: &SatelliteLoss) -> Opt
         agent: loss.satellite as u32,
         step: visible + 1,
         encounter: None,
+        orbit_angle_deg: None,
         measures: vec![Measure::new("cost", remedy.cost, "fuel"), Measure::new("fuel_left", left, "fuel")],
         explanation: format!(
             "Satellite {} had {left:.2} fuel left when the debris that hit it became visible; a burn of {:.2} fuel at step \

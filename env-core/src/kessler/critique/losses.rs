@@ -72,6 +72,7 @@ fn loss_to_debris(
         agent: satellite as u32,
         step: event.step,
         encounter: Some(encounter),
+        orbit_angle_deg: None,
         measures,
         explanation,
     };
@@ -128,6 +129,7 @@ fn loss_by_decay(analysis: &EpisodeAnalysis<'_>, satellite: usize, event: LossEv
         agent: satellite as u32,
         step: event.step,
         encounter: None,
+        orbit_angle_deg: None,
         measures,
         explanation: format!(
             "Satellite {satellite} fell into the Earth at step {} after burns of {spent:.1} fuel; {way}.",

@@ -51,6 +51,7 @@ pub(super) fn risk_failure(
         agent: least as u32,
         step: HORIZON,
         encounter: None,
+        orbit_angle_deg: None,
         measures: vec![
             Measure::new("survival", survival(least), ""),
             Measure::new("held", held, ""),
@@ -76,6 +77,7 @@ fn overshoot_failure(bodies: &[Body], goal: f64, arrived: usize, left: usize) ->
         agent: 0,
         step: left as u32,
         encounter: None,
+        orbit_angle_deg: None,
         measures: vec![
             Measure::new("arrived_step", arrived as f64, "step"),
             Measure::new("radial_speed", radial_speed, "LU/TU"),
@@ -109,6 +111,7 @@ fn short_failure(bodies: &[Body], goal: f64, arrived: Option<usize>) -> Failure 
         agent: 0,
         step: step.max(1) as u32,
         encounter: None,
+        orbit_angle_deg: None,
         measures: vec![Measure::new("nearest_radius", radius, "LU"), Measure::new("goal", goal, "")],
         explanation: format!(
             "Satellite 0 {progress}; mean proximity {goal:.2} over the last {RENDEZVOUS_STEPS} steps."

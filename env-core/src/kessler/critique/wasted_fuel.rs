@@ -22,6 +22,7 @@ pub(super) fn find(analysis: &EpisodeAnalysis<'_>) -> Vec<Failure> {
                 agent,
                 step: first.step,
                 encounter: None,
+                orbit_angle_deg: None,
                 measures: vec![
                     Measure::new("fuel", totals.cost, "fuel"),
                     Measure::new("burns", burns as f64, ""),

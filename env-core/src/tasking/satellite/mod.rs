@@ -8,7 +8,7 @@ pub mod refresh;
 pub mod software;
 pub mod transmitter;
 
-use self::desaturation::{Desaturation, DesaturationSettings};
+use self::desaturation::{Desaturation, DesaturationSettings, Pulse};
 use self::software::{Command, PointingTarget, SCAN_LOCATION, Software};
 use self::transmitter::{Transmitter, TransmitterSettings};
 use super::access::{GroundTrack, LocationSet};
@@ -171,6 +171,18 @@ impl TaskedSatellite {
                 self.state.is_imaged = 0.0;
             }
         }
+    }
+
+    /// Tasks of the flight software that run, and devices that are on.
+    #[must_use]
+    pub const fn software(&self) -> &Software {
+        &self.software
+    }
+
+    /// The pulse of the thrusters that acts in the next tick or later, if one was commanded.
+    #[must_use]
+    pub const fn pending_pulse(&self) -> Option<Pulse> {
+        self.desaturation.pending()
     }
 
     /// True if the flight software aligns the body with the Hill frame.

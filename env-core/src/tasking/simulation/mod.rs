@@ -8,6 +8,7 @@ pub mod actions;
 mod agent;
 pub mod communication;
 mod events;
+pub mod forks;
 pub mod journal;
 pub mod observe;
 mod queries;
@@ -38,7 +39,7 @@ pub use self::step::{StepResult, step_all};
 pub struct TaskingSim {
     agents: Vec<Agent>,
     sky: Sky,
-    setup: EpisodeRules,
+    setup: Arc<EpisodeRules>,
     /// The last tick that was run.
     now: u64,
     /// Tick at which the current step began.
@@ -111,7 +112,7 @@ impl TaskingSim {
             rewarded: TargetSet::new(positions.len()),
             totals: vec![0.0; agents.len()],
             agents,
-            setup: EpisodeRules {
+            setup: Arc::new(EpisodeRules {
                 targets: setup.targets,
                 stations: setup.stations,
                 rewarders: setup.rewarders,
@@ -119,7 +120,7 @@ impl TaskingSim {
                 clock: ClockSetup { time_limit_s, ..setup.clock },
                 failure_penalty: setup.failure_penalty,
                 mode: setup.mode,
-            },
+            }),
             now: 0,
             step_start: 0,
             step_limit: None,

@@ -26,7 +26,7 @@ impl TaskingSim {
 
     /// Time limit of the episode, s; may be infinite.
     #[must_use]
-    pub const fn time_limit_s(&self) -> f64 {
+    pub fn time_limit_s(&self) -> f64 {
         self.setup.clock.time_limit_s
     }
 

@@ -35,7 +35,7 @@ use self::task_setup::TaskSetup;
 use super::WORLD_ID;
 use crate::batch::{Batch, BatchConfig, BatchError, ScenarioSource};
 use crate::bracket::{Bracket, EpisodeOutcome};
-use crate::critique::{Critique, FailureModeSpec, SpeedBands};
+use crate::critique::{Critique, FailureModeSpec, SectorQuantity, SpeedBands};
 use crate::error::{LogError, ReplayError, ScenarioError};
 use crate::log::ActionLog;
 use crate::policy::{Policy, PolicyError, PolicySpec};
@@ -189,12 +189,16 @@ impl TaskSpec for TaskingTask {
     }
 
     fn failure_modes(&self) -> &'static [FailureModeSpec] {
-        &critique::TASKING_FAILURE_MODES
+        critique::failure_modes(self.metadata.id)
     }
 
     /// Satellites meet no other bodies.
     fn speed_bands(&self) -> SpeedBands {
         SpeedBands { edges: &[], unit: "m/s" }
+    }
+
+    fn sector_quantity(&self) -> SectorQuantity {
+        critique::ORBIT_ANGLE
     }
 
     fn critique(&self, scenario: &Scenario, log: &ActionLog) -> Result<Critique, ReplayError> {

@@ -19,7 +19,7 @@ pub(super) struct TaskRun {
     pub(super) setup: TaskSetup,
     pub(super) sim: TaskingSim,
     /// Divisor of rewards: the value of all targets in view for imagers, else 1.
-    value_in_view: f64,
+    pub(super) value_in_view: f64,
     /// Agents that died so far.
     dead: Vec<bool>,
     /// Sum of the team's rewards.
@@ -160,8 +160,17 @@ impl TaskRun {
     pub(super) fn step_sampled(&mut self, actions: &[Option<AgentAction>], motion: &mut StepMotion) {
         motion.clear();
         let start_s = self.sim.time_s();
-        let result = self.sim.step_traced(actions, &mut |sim| motion.sample(sim, start_s));
+        self.step_observed(actions, &mut |sim| motion.sample(sim, start_s));
         motion.finish(&self.sim);
+    }
+
+    /// Runs one step with these actions, and calls `observe` after every tick.
+    pub(super) fn step_observed(
+        &mut self,
+        actions: &[Option<AgentAction>],
+        observe: &mut dyn FnMut(&TaskingSim),
+    ) {
+        let result = self.sim.step_traced(actions, observe);
         self.finish_step(result);
     }
 

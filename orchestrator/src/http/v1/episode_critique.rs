@@ -6,7 +6,7 @@ use api_types::{
 };
 use axum::Extension;
 use axum::extract::State;
-use env_core::critique::{self, Encounter, Failure, Measure, Remedy, Verdict, bearing_sector};
+use env_core::critique::{self, Encounter, Failure, Measure, Remedy, Verdict, profile_sector};
 use env_core::{ActionLog, Scenario};
 
 use super::episodes::StoredEpisode;
@@ -73,7 +73,8 @@ pub(super) const fn action_verdict(verdict: Verdict) -> ActionVerdict {
 }
 
 fn failure_response(scenario: &Scenario, failure: Failure) -> CritiqueFailure {
-    let Failure { mode, agent, step, encounter, measures, explanation } = failure;
+    let sector_deg = failure.sector_deg();
+    let Failure { mode, agent, step, encounter, measures, explanation, .. } = failure;
     let measure = |Measure { name, value, unit }| FailureMeasure {
         name: String::from(name),
         value,
@@ -83,6 +84,8 @@ fn failure_response(scenario: &Scenario, failure: Failure) -> CritiqueFailure {
         mode: mode.to_owned(),
         agent,
         step,
+        sector: sector_deg.map(profile_sector),
+        sector_deg,
         encounter: encounter.map(|encounter| encounter_response(scenario, encounter)),
         measures: measures.into_iter().map(measure).collect(),
         explanation,
@@ -95,7 +98,6 @@ fn encounter_response(scenario: &Scenario, encounter: Encounter) -> CritiqueEnco
         body: encounter.body,
         bearing_deg: encounter.bearing_deg,
         bearing_inertial_deg: encounter.bearing_inertial_deg,
-        sector: bearing_sector(encounter.bearing_deg),
         relative_speed: encounter.relative_speed,
         band: scenario.task().speed_bands().band(encounter.relative_speed),
         first_visible_step: encounter.first_visible_step,
@@ -134,7 +136,7 @@ pub(super) async fn get_episode_critique(
     let log = found.log.ok_or_else(|| ServiceError::UnknownEpisode(format!("{episode} with actions")))?;
     let scenario = found.scenario;
     let task = scenario.task().id();
-    // Counterfactuals take milliseconds, so that they do not run on the threads of the runtime.
+    // Counterfactuals take milliseconds or more, so that they do not run on the threads of the runtime.
     let critique = tokio::task::spawn_blocking(move || {
         criticise(&scenario, &log, denial.map(|denial| denial.to_string()))
     })

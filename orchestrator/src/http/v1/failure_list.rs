@@ -3,7 +3,7 @@
 use api_types::{EpisodeFailure, FailurePage, FailureQuery};
 use axum::extract::State;
 use env_core::TaskSpec;
-use env_core::critique::BEARING_SECTORS;
+use env_core::critique::PROFILE_SECTORS;
 use store::failures::{self, FailureCursor, FailureFilter, ListedFailure};
 use store::ids::{EpisodeId, LeaseId};
 
@@ -17,7 +17,7 @@ use crate::http::state::AppState;
 
 /// List the failures of a failure profile, newest first.
 ///
-/// The query selects a task, and optionally one of its failure modes, bearing sectors and speed bands.
+/// The query selects a task, and optionally one of its failure modes, sectors and speed bands.
 #[utoipa::path(
     get, path = "/runs/{run}/failures", tag = "failures",
     params(("run" = String, Path, description = "The run's id."), FailureQuery),
@@ -54,7 +54,7 @@ fn check_filter(task: &'static dyn TaskSpec, filter: &FailureFilter) -> Result<(
         Some(number) => Err(Problem::invalid(field, format!("must be from 0 to {last}, got {number}"))),
         None => Ok(()),
     };
-    within("sector", filter.sector, BEARING_SECTORS - 1)?;
+    within("sector", filter.sector, PROFILE_SECTORS - 1)?;
     within("band", filter.band, task.speed_bands().edges.len() as u32)
 }
 
@@ -78,9 +78,9 @@ fn episode_failure(listed: ListedFailure) -> EpisodeFailure {
         mode: key.mode,
         agent: example.agent,
         step: example.step,
-        sector: key.encounter.map(|bin| bin.sector),
-        band: key.encounter.map(|bin| bin.band),
-        bearing_deg: example.bearing_deg,
+        sector: key.sector,
+        band: key.band,
+        sector_deg: example.sector_deg,
         relative_speed: example.relative_speed,
         steps_left: example.steps_left,
         avoidable: example.avoidable,

@@ -1,20 +1,21 @@
-//! Failure profiles of a run's tasks: why episodes lose score, by failure mode, bearing and relative speed.
+//! Failure profiles of a run's tasks: why episodes lose score, by failure mode, angle and relative speed.
 
 use std::collections::HashMap;
 
 use api_types::{
-    BearingSector, CritiqueBacklog, FailureCell, FailureModeCounts, FailureProfile, FailureProfileQuery,
-    FailureProfiles, InertialSectorCounts, SpeedBand, Trend, VerdictCount,
+    CritiqueBacklog, FailureCell, FailureModeCounts, FailureProfile, FailureProfileQuery, FailureProfiles,
+    InertialSectorCounts, ProfileSector, SpeedBand, Trend, VerdictCount,
 };
 use axum::extract::State;
 use env_core::TaskSpec;
-use env_core::critique::{BEARING_SECTORS, FailureModeSpec, SpeedBands};
+use env_core::critique::{FailureModeSpec, PROFILE_SECTORS, SpeedBands};
 use sqlx::{Connection, SqliteConnection};
 use store::critiques::{self, CritiqueCounters, DecayingSum};
 use store::failures::{self, CellEpisode, EXAMPLES_PER_CELL};
 use store::ids::{EpisodeId, LeaseId, RunId};
 
 use super::episode_critique::action_verdict;
+use super::tasks::sector_quantity;
 use crate::critiques::profile::{HALF_LIFE, VERDICTS, total_weight};
 use crate::critiques::sampling;
 use crate::designs::profile::{CollectedProfile, WeightedCell};
@@ -45,7 +46,7 @@ pub(super) async fn critique_backlog(
 
 /// Get the failure profiles of a run's tasks.
 ///
-/// A profile has failure modes by bearing and relative speed, verdicts on actions, and their trends. It counts finished episodes of
+/// A profile has failure modes by angle and relative speed, verdicts on actions, and their trends. It counts finished episodes of
 /// training and probes, soon after the server acknowledged their results. It does not count late results and evaluations.
 #[utoipa::path(
     get, path = "/runs/{run}/failure_profiles", tag = "failures",
@@ -119,12 +120,13 @@ async fn failure_profile(
         waiting,
         judge: trend(judgement.recent, judgement.overall, criticised),
         verdicts: verdicts.collect(),
-        sectors: (0..BEARING_SECTORS)
-            .map(|sector| BearingSector {
+        sectors: (0..PROFILE_SECTORS)
+            .map(|sector| ProfileSector {
                 sector,
-                bearing_deg: f64::from(sector) * 360.0 / f64::from(BEARING_SECTORS),
+                angle_deg: f64::from(sector) * 360.0 / f64::from(PROFILE_SECTORS),
             })
             .collect(),
+        sector_quantity: sector_quantity(task.sector_quantity()),
         bands: speed_bands(task.speed_bands()),
         modes,
     })
@@ -187,10 +189,10 @@ fn trend(recent: f64, overall: f64, criticised: i64) -> Option<Trend> {
 
 fn failure_cell(cell: &WeightedCell, episodes: Vec<String>) -> FailureCell {
     let WeightedCell { key, counters, weight, .. } = cell;
-    let share = |n: i64| key.encounter.map(|_| n as f64 / counters.count as f64);
+    let share = |n: i64| key.band.map(|_| n as f64 / counters.count as f64);
     FailureCell {
-        sector: key.encounter.map(|bin| bin.sector),
-        band: key.encounter.map(|bin| bin.band),
+        sector: key.sector,
+        band: key.band,
         count: counters.count,
         weight: *weight,
         avoidable_share: share(counters.avoidable),

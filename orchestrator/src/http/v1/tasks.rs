@@ -1,10 +1,11 @@
 //! Tasks of all worlds, converted from the worlds' own tables.
 
 use api_types::{
-    BuiltInPolicy, HarderDirection, LevelTable, ManualPhysicsChoice, PhysicsOption, PhysicsOptionType, Task,
-    TaskActionKind, TaskActionSpace, TaskFailureMode, TaskList, TaskParam, TaskScoreRange, TaskSpeedBands,
+    BuiltInPolicy, HarderDirection, LevelTable, ManualPhysicsChoice, PhysicsOption, PhysicsOptionType,
+    SectorQuantity, Task, TaskActionKind, TaskActionSpace, TaskFailureMode, TaskList, TaskParam,
+    TaskScoreRange, TaskSpeedBands,
 };
-use env_core::critique::{FailureModeSpec, SpeedBands};
+use env_core::critique::{self, FailureModeSpec, SpeedBands};
 use env_core::policy::PolicySpec;
 use env_core::space::{ActionKind, ActionSpace, Harder, Levels, OptionSpec, ParamSpec, ScoreRange};
 use env_core::{Recipe, TaskSpec};
@@ -41,6 +42,7 @@ fn task_response(task: &'static dyn TaskSpec) -> Result<Task, Problem> {
         reflex_params: to_strings(task.reflex().names),
         failure_modes: task.failure_modes().iter().map(failure_mode).collect(),
         speed_bands: speed_bands(task.speed_bands()),
+        sector_quantity: sector_quantity(task.sector_quantity()),
     })
 }
 
@@ -116,6 +118,15 @@ fn failure_mode(spec: &FailureModeSpec) -> TaskFailureMode {
     TaskFailureMode { name: spec.name.to_owned(), description: spec.description.to_owned() }
 }
 
+/// Converts the angle by whose sectors failure profiles are divided.
+pub(super) fn sector_quantity(quantity: critique::SectorQuantity) -> SectorQuantity {
+    SectorQuantity {
+        name: quantity.name.to_owned(),
+        description: quantity.description.to_owned(),
+        directions: quantity.directions.map(str::to_owned).to_vec(),
+    }
+}
+
 fn speed_bands(SpeedBands { edges, unit }: SpeedBands) -> TaskSpeedBands {
     TaskSpeedBands { edges: edges.to_vec(), unit: unit.to_owned() }
 }
@@ -140,6 +151,7 @@ mod tests {
             assert_eq!(task["policies"], json(to_value(spec.policies())));
             assert_eq!(task["failure_modes"], json(to_value(spec.failure_modes())));
             assert_eq!(task["speed_bands"], json(to_value(spec.speed_bands())));
+            assert_eq!(task["sector_quantity"], json(to_value(spec.sector_quantity())));
         }
     }
 }

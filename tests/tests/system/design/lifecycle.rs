@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use designer::FailureProfile;
 use env_core::KeyedRng;
-use env_core::critique::bearing_sector;
+use env_core::critique::profile_sector;
 use env_core::keyed_rng::RngPurpose;
 use serde_json::{Value, json};
 use system_tests::{ApiClient, Lease, Server, run_policy};
@@ -131,7 +131,7 @@ async fn failure_profile_matches_the_critiques() {
         let critique = scenario.task().critique(&scenario, &run_policy(&scenario, "hold").log).unwrap();
         for failure in critique.failures {
             if let Some(bearing) = failure.encounter.and_then(|e| e.bearing_inertial_deg) {
-                *sectors.entry((failure.mode.to_owned(), u64::from(bearing_sector(bearing)))).or_default() +=
+                *sectors.entry((failure.mode.to_owned(), u64::from(profile_sector(bearing)))).or_default() +=
                     1;
             }
         }
