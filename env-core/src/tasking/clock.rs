@@ -11,6 +11,8 @@ pub struct TickLength {
 impl TickLength {
     /// One second: the default of BSK-RL.
     pub const ONE_SECOND: Self = Self { nanoseconds: 1_000_000_000 };
+    /// Thirty seconds: the step of the trajectory that BSK-RL searches for windows and eclipses.
+    pub const THIRTY_SECONDS: Self = Self { nanoseconds: 30_000_000_000 };
 
     /// Creates a length from seconds (`sim_rate` of BSK-RL).
     ///
@@ -33,6 +35,12 @@ impl TickLength {
     #[must_use]
     pub fn time_s(self, tick: u64) -> f64 {
         (tick * self.nanoseconds) as f64 * 1e-9
+    }
+
+    /// Time of the last tick that does not begin after a number of nanoseconds, s.
+    #[must_use]
+    pub fn last_time_s(self, nanoseconds: u64) -> f64 {
+        self.time_s(nanoseconds / self.nanoseconds)
     }
 
     /// The first tick at or after a time, s; `None` if it is beyond 2³¹ s.

@@ -1,7 +1,7 @@
 """Recorded episodes by subject; `common.py` has the parts that they share."""
 
-from bsk_record.episodes import communication, control, deaths, limits, observations, scenes, storage, timing, traces
+from bsk_record.episodes import communication, control, deaths, limits, observations, scenes, storage, timing, traces, windows
 
-_MODULES = (communication, storage, timing, scenes, deaths, limits, control, observations, traces)
+_MODULES = (communication, storage, timing, scenes, deaths, limits, control, observations, traces, windows)
 
 EPISODES = {episode.name: episode for module in _MODULES for episode in module.EPISODES}

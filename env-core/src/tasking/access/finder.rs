@@ -15,7 +15,7 @@ use crate::tasking::real::Real;
 use crate::tasking::vector3::{Vector3, norm, scale};
 
 /// Central angle that a satellite moves over the ground in half an arc at most, rad: at 150 km, against the Earth's rotation.
-const HALF_ARC_RAD: f64 = 0.039;
+pub(super) const HALF_ARC_RAD: f64 = 0.039;
 
 /// Locations that are tested together.
 const TOGETHER: usize = 16;
@@ -32,6 +32,8 @@ pub struct Locations {
     min_elevation_rad: f64,
     /// Limits of each location, or one for all.
     limits: Vec<AccessLimit>,
+    /// Distances of the locations from the Earth's centre, m.
+    radii_m: Vec<f64>,
     /// Least distance of the locations from the Earth's centre, m.
     min_radius_m: f64,
 }
@@ -86,17 +88,49 @@ impl Locations {
     #[must_use]
     pub fn with_limits(positions: Vec<Vector3<f64>>, limits: Vec<AccessLimit>) -> Self {
         let mut headings = vec![[[f64::NAN; TOGETHER]; 3]; positions.len().div_ceil(TOGETHER)];
-        let mut min_radius_m = f64::INFINITY;
-        for (index, position) in positions.iter().enumerate() {
-            let radius = norm(position);
-            min_radius_m = radius.min(min_radius_m);
+        let radii_m: Vec<f64> = positions.iter().map(norm).collect();
+        let min_radius_m = radii_m.iter().copied().fold(f64::INFINITY, f64::min);
+        for (index, (position, radius)) in positions.iter().zip(&radii_m).enumerate() {
             for (component, x) in headings[index / TOGETHER].iter_mut().zip(position) {
                 component[index % TOGETHER] = x / radius;
             }
         }
         let elevations = limits.iter().map(|limit| limit.min_elevation_rad);
         let min_elevation_rad = elevations.fold(std::f64::consts::FRAC_PI_2, f64::min);
-        Self { positions, headings, min_elevation_rad, limits, min_radius_m }
+        Self { positions, headings, min_elevation_rad, limits, radii_m, min_radius_m }
+    }
+
+    /// Number of the locations.
+    #[must_use]
+    pub const fn len(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// True if there are no locations.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.positions.is_empty()
+    }
+
+    /// Planet-fixed position of a location, m.
+    #[must_use]
+    pub fn position(&self, location: usize) -> &Vector3<f64> {
+        &self.positions[location]
+    }
+
+    /// Distances of the locations from the Earth's centre, m.
+    pub(super) fn radii_m(&self) -> &[f64] {
+        &self.radii_m
+    }
+
+    /// Sine of the minimum elevation of a location.
+    pub(super) fn sine(&self, location: usize) -> f64 {
+        self.limit(location).sine
+    }
+
+    /// Minimum elevation of the access of a location, rad.
+    pub(super) fn elevation_rad(&self, location: usize) -> f64 {
+        self.limit(location).min_elevation_rad
     }
 
     /// The least minimum elevation of access, rad.
@@ -118,14 +152,14 @@ impl Locations {
     }
 
     /// Finds the locations within reach at a position of the satellite, in order.
-    fn find_near(&self, position: &Vector3<f64>, threshold: f64, near: &mut Vec<usize>) {
+    pub(super) fn find_near(&self, position: &Vector3<f64>, threshold: f64, near: &mut Vec<usize>) {
         let heading = scale(position, 1.0 / norm(position));
         near.clear();
         Arch::new().dispatch(NearLocations { headings: &self.headings, heading, threshold, near });
     }
 
     /// Excess of the elevation of a satellite at a position.
-    fn elevation_excess(&self, location: usize) -> ElevationExcess {
+    pub(super) fn elevation_excess(&self, location: usize) -> ElevationExcess {
         let heading = &self.headings[location / TOGETHER];
         let limit = self.limit(location);
         ElevationExcess {
@@ -155,18 +189,6 @@ impl LocationSet {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.opened.is_empty()
-    }
-
-    /// Planet-fixed position of a location, m.
-    #[must_use]
-    pub fn position(&self, location: usize) -> &Vector3<f64> {
-        &self.locations.positions[location]
-    }
-
-    /// Minimum elevation of the access of a location, rad.
-    #[must_use]
-    pub fn min_elevation_rad(&self, location: usize) -> f64 {
-        self.locations.limit(location).min_elevation_rad
     }
 
     /// Windows that closed within the searched time, in the order of closing arcs.

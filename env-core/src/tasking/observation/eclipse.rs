@@ -1,12 +1,10 @@
 //! The next eclipse, as BSK-RL's `TrajectorySimulator` finds it: sampled every 30 s, one sample late. Transitions on the seam of two
 //! searches are lost.
 
-use crate::tasking::orbit::propagator::STEP_S;
+use crate::tasking::access::trajectory::{SAMPLE_S, SAMPLE_TICK};
 use crate::tasking::orbit::{Orbit, Sky};
 use crate::tasking::satellite::eclipse::illumination;
 
-/// Time between two samples, s.
-const SAMPLE_S: f64 = 0.5 * STEP_S;
 /// Time by which each further search extends, s.
 const SEARCH_S: f64 = 6000.0;
 /// Largest number of searches.
@@ -50,6 +48,12 @@ impl EclipseForecast {
         }
     }
 
+    /// Number of samples of the trajectory.
+    #[must_use]
+    pub const fn sample_count(&self) -> usize {
+        self.samples.len()
+    }
+
     /// Makes the times of eclipses independent of when they are asked for, unlike in BSK-RL: the first search ends at a time, s.
     pub const fn search_first_to(&mut self, seconds: f64) {
         self.first_search_s = Some(seconds);
@@ -80,9 +84,13 @@ impl EclipseForecast {
     /// Searches the samples after the last search up to all that exist, at least to one sample after a time, s.
     fn search(&mut self, until_s: f64, orbit: &mut Orbit, sky: &mut Sky) {
         self.extend_to(until_s + SAMPLE_S, orbit, sky);
-        let first = (self.searched_s / SAMPLE_S).floor() as usize + 1;
-        for sample in first..self.samples.len().saturating_sub(1) {
-            let time = sample as f64 * SAMPLE_S;
+        // Near a sample, the rounding of its time decides whether it was searched.
+        let near = (self.searched_s / SAMPLE_S).floor() as usize;
+        for sample in near..self.samples.len().saturating_sub(1) {
+            let time = SAMPLE_TICK.time_s(sample as u64);
+            if time <= self.searched_s {
+                continue;
+            }
             match (self.samples[sample], self.samples[sample + 1]) {
                 (true, false) => self.starts.push(time),
                 (false, true) => self.ends.push(time),

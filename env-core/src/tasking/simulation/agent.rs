@@ -3,7 +3,10 @@
 use super::access_filter::AccessFilter;
 use super::journal::{Journal, SatelliteEvent};
 use super::target_set::TargetSet;
-use crate::tasking::access::{GroundTrack, LocationSet, Opportunity, OpportunityKind, OpportunityList};
+use std::sync::Arc;
+
+use crate::tasking::access::trajectory::MIN_DURATION_S;
+use crate::tasking::access::{Locations, Opportunity, OpportunityKind, OpportunityList, SearchedTrajectory};
 use crate::tasking::error::TaskingError;
 use crate::tasking::observation::eclipse::EclipseForecast;
 use crate::tasking::orbit::{OrbitalElements, Sky};
@@ -43,10 +46,11 @@ pub(super) struct Agent {
     pub setup: AgentSetup,
     pub satellite: TaskedSatellite,
     pub opportunities: OpportunityList,
-    pub targets: LocationSet,
-    /// Ground stations along the trajectory that is searched for windows.
-    stations: LocationSet,
-    search_track: GroundTrack,
+    pub targets: Arc<Locations>,
+    /// Ground stations with their minimum elevations.
+    stations: Arc<Locations>,
+    /// Trajectory that is searched for windows.
+    trajectory: SearchedTrajectory,
     pub eclipses: EclipseForecast,
     /// Time for which opportunities are computed at the start, s.
     initial_s: f64,
@@ -79,7 +83,7 @@ impl Agent {
     pub(super) fn new(
         setup: AgentSetup,
         satellite: TaskedSatellite,
-        [targets, stations]: [LocationSet; 2],
+        [targets, stations]: [Arc<Locations>; 2],
         time_limit_s: f64,
         hides_imaged: bool,
     ) -> Self {
@@ -96,7 +100,7 @@ impl Agent {
             opportunities: OpportunityList::default(),
             targets,
             stations,
-            search_track: GroundTrack::searched(),
+            trajectory: SearchedTrajectory::default(),
             eclipses: EclipseForecast::default(),
             initial_s,
             imaged: TargetSet::new(count),
@@ -154,13 +158,12 @@ impl Agent {
         if let Some(journal) = &mut self.journal {
             journal.add_now(SatelliteEvent::Search { from_s, to_s: end_s });
         }
-        self.eclipses.extend_to(end_s, self.satellite.orbit_mut(), sky);
-        self.search_track.extend_to(end_s, self.satellite.orbit_mut(), sky);
-        self.targets.search_to(end_s, &self.search_track);
-        self.stations.search_to(end_s, &self.search_track);
-        let sets =
-            [(OpportunityKind::Target, &self.targets), (OpportunityKind::GroundStation, &self.stations)];
-        self.opportunities.add_block(end_s, &sets, &self.search_track);
+        self.eclipses.extend_to(end_s.max(MIN_DURATION_S), self.satellite.orbit_mut(), sky);
+        let samples = self.eclipses.sample_count();
+        self.trajectory.extend_to(samples, self.satellite.orbit_mut(), sky);
+        let places =
+            [(OpportunityKind::Target, &*self.targets), (OpportunityKind::GroundStation, &*self.stations)];
+        self.opportunities.add_block(end_s, places, &self.trajectory);
         Ok(())
     }
 

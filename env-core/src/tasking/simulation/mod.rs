@@ -105,7 +105,7 @@ impl TaskingSim {
                 if spec.dynamics.ground_stations { [&stations, &searched] } else { [&no_stations; 2] };
             let satellite =
                 TaskedSatellite::new(spec, environment, LocationSet::new(Arc::clone(linked)), &sky);
-            let places = [LocationSet::new(targets), LocationSet::new(Arc::clone(searched))];
+            let places = [targets, Arc::clone(searched)];
             agents.push(Agent::new(agent, satellite, places, time_limit_s, hides_imaged));
         }
         let mut sim = Self {

@@ -8,3 +8,4 @@ mod samples;
 mod validate_bsk_episodes;
 mod validate_bsk_orbit;
 mod validate_bsk_sky;
+mod windows;

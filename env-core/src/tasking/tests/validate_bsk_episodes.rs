@@ -30,7 +30,7 @@ fn validate_bsk_reference_recordings() {
 
 #[test]
 fn validate_bsk_recorded_episodes() {
-    assert_replays("recorded", 41);
+    assert_replays("recorded", 59);
 }
 
 #[test]
