@@ -77,7 +77,7 @@ impl TaskedSatellite {
         let storage = if args.storage_init_bits > args.storage_capacity_bits {
             0.0
         } else {
-            args.storage_init_bits.trunc()
+            args.storage_init_bits.trunc().max(0.0)
         };
         let (stored, initial_stored) = if spec.dynamics.continuous { (storage, 0.0) } else { (0.0, storage) };
         let state = TickState {

@@ -272,6 +272,12 @@ impl Setup {
 }
 
 impl ClockSetup {
+    /// Time limit in whole ticks, s, as BSK-RL rounds it.
+    #[must_use]
+    pub fn whole_limit_s(&self) -> f64 {
+        (self.time_limit_s / self.tick.seconds()).ceil() * self.tick.seconds()
+    }
+
     /// Checks the longest step and the time limit.
     fn check(&self) -> Result<(), String> {
         let limit = self.time_limit_s;
@@ -280,6 +286,15 @@ impl ClockSetup {
         }
         if !(0.0..=MAX_TIME_S).contains(&limit) && limit != f64::INFINITY {
             return Err(format!("time_limit must be from 0 to {MAX_TIME_S} s, or infinite, got {limit}"));
+        }
+        let whole = self.whole_limit_s();
+        if let Some(last) = whole.is_finite().then_some((whole * 1e9 + 0.5) as u64)
+            && self.tick.last_time_s(last) < whole
+        {
+            return Err(format!(
+                "time_limit {limit} s is {whole} s in ticks of {} s, which no tick reaches by rounding: change either",
+                self.tick.seconds()
+            ));
         }
         Ok(())
     }

@@ -283,12 +283,9 @@ impl SatelliteArgs {
                 return Err(TaskingError::invalid(name, "must be greater than 0", value));
             }
         }
-        for (name, value) in
-            [("storedCharge_Init", self.stored_charge_ws), ("storageInit", self.storage_init_bits)]
-        {
-            if value < 0.0 {
-                return Err(TaskingError::invalid(name, "must not be negative", value));
-            }
+        if self.stored_charge_ws < 0.0 {
+            let value = self.stored_charge_ws;
+            return Err(TaskingError::invalid("storedCharge_Init", "must not be negative", value));
         }
         for (name, axis) in [("nHat_B", self.panel_normal), ("inst_pHat_B", self.instrument_axis)] {
             if norm(&axis) < 0.1 {

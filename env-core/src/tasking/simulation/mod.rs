@@ -82,7 +82,7 @@ impl TaskingSim {
         let sky = Sky::new(setup.epoch.tdb_s());
         let tick = setup.clock.tick;
         let environment = Environment { gravity: setup.gravity, full_thrust: setup.full_thrust, tick };
-        let time_limit_s = (setup.clock.time_limit_s / tick.seconds()).ceil() * tick.seconds();
+        let time_limit_s = setup.clock.whole_limit_s();
         let positions: Vec<_> = setup.targets.iter().map(|target| target.position).collect();
         let hides_imaged = setup.rewarders == [Rewarder::UniqueImages];
         let mut agents = Vec::with_capacity(setup.agents.len());

@@ -157,3 +157,26 @@ fn orbits_without_a_finite_start_are_rejected() {
     assert!(read(state([7e6, 0.0, 0.0])).is_ok());
     assert!(read(state([0.0; 3])).is_err());
 }
+
+#[test]
+fn a_time_limit_that_no_tick_reaches_is_refused() {
+    let mut setup = recorded_setups().into_iter().find(|setup| setup.agents.len() == 1).unwrap();
+    setup.clock.tick = TickLength::from_seconds(1.1).unwrap();
+    // BSK-RL's limit is 100 · 1.1 = 110.00000000000001 s, and its last tick is at 110 s.
+    setup.clock.time_limit_s = 110.0;
+    let error = setup.check().unwrap_err().to_string();
+    assert!(error.contains("which no tick reaches"), "{error}");
+    setup.clock.time_limit_s = 111.0;
+    assert_eq!(setup.check(), Ok(()));
+}
+
+#[test]
+fn a_storage_with_negative_data_is_empty() {
+    for mut setup in recorded_setups().into_iter().take(12) {
+        for agent in &mut setup.agents {
+            agent.satellite.args.storage_init_bits = -5.0;
+        }
+        let sim = TaskingSim::new(setup).unwrap();
+        assert!((0..sim.len()).all(|index| sim.satellite(index).stored() == [0.0; 2]));
+    }
+}
