@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from gymnasium import spaces
 
 from .general import GeneralSatelliteTasking
@@ -96,8 +97,8 @@ class ConstellationTasking(GeneralSatelliteTasking, ParallelEnv):
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:  # type: ignore[override]
         """Returns the space of an agent's observation."""
-        self._require_simulator()
-        return self.get_satellite(agent).observation_space
+        space: spaces.Space[Any] = self.observation_spaces[agent]
+        return space
 
     @property
     def action_spaces(self) -> dict[str, Any]:
@@ -107,7 +108,8 @@ class ConstellationTasking(GeneralSatelliteTasking, ParallelEnv):
     def action_space(self, agent: str) -> spaces.Space[Any]:  # type: ignore[override]
         """Returns the space of an agent's action, always the same object."""
         if agent not in self._spaces:
-            self._spaces[agent] = self.get_satellite(agent).action_space
+            by_name = {satellite.name: satellite for satellite in self.satellites}
+            self._spaces[agent] = by_name[agent].action_space
         space: spaces.Space[Any] = self._spaces[agent]
         return space
 
@@ -153,10 +155,11 @@ class ConstellationTasking(GeneralSatelliteTasking, ParallelEnv):
         """
         logger.info("=== STARTING STEP ===")
         before = self.agents
-        unknown = [name for name in actions if name not in self.possible_agents]
+        given = {name: _only_member(action) for name, action in actions.items()}
+        unknown = [name for name in given if name not in self.possible_agents]
         if unknown:
             raise KeyError(unknown[0])
-        self._step([actions.get(satellite.name) for satellite in self.satellites])
+        self._step([given.get(satellite.name) for satellite in self.satellites])
         after = self.agents
         self.newly_dead = [name for name in before if name not in after]
         for name in self.newly_dead:
@@ -168,8 +171,14 @@ class ConstellationTasking(GeneralSatelliteTasking, ParallelEnv):
         terminated = self._get_terminated()
         truncated = self._get_truncated()
         info = self._get_info()
-        logger.info(f"Step reward: { {k: v for k, v in reward.items() if v != 0} }")
-        for word, flags in (("terminated", terminated), ("truncated", truncated)):
-            if any(flags.values()):
-                logger.info(f"Episode {word}: {[name for name, flag in flags.items() if flag]}")
+        if logger.isEnabledFor(logging.INFO):
+            logger.info(f"Step reward: { {k: v for k, v in reward.items() if v != 0} }")
+            for word, flags in (("terminated", terminated), ("truncated", truncated)):
+                if any(flags.values()):
+                    logger.info(f"Episode {word}: {[name for name, flag in flags.items() if flag]}")
         return observation, reward, terminated, truncated, info
+
+
+def _only_member(action: Any) -> Any:
+    """Action of an agent's only satellite: agents may give a list of one action for each of their satellites."""
+    return action[0] if isinstance(action, (list, tuple, np.ndarray)) else action

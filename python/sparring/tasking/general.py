@@ -11,41 +11,28 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.utils.seeding import np_random
 
 from .comm import CommunicationMethod, NoCommunication
 from .data import GlobalReward, NoReward
 from .data.composition import ComposedReward
 from .data.unique_image_data import UniqueImageReward, UniqueImageStore
+from .no_action import is_no_action
 from .sats import Satellite
 from .scene import Scenario
 from .sim import Simulator
 from .sim.model_names import check_model
 from .sim.setup import setup_text
 from .sim.world import WorldModel, WorldModelABC
+from .unsupported import sentence
 from .utils import functional, logging_config
 
 logger = logging.getLogger(logging_config.ROOT + ".gym")
 
 SatArgRandomizer = Callable[[list[Satellite]], dict[Satellite, dict[str, Any]]]
 
-#: Action that lets a satellite go on; None does so too.
-NO_ACTION = (2**31) - 1
 #: Seeds of numpy's global generator are below this.
 _SEEDS = 2**32
-
-
-def is_no_action(action: Any) -> bool:
-    """Returns whether an action lets the satellite go on."""
-    if action is None:
-        return True
-    if isinstance(action, (int, np.integer)):
-        return int(action) == NO_ACTION
-    if isinstance(action, (float, np.floating, np.ndarray, list, tuple)):
-        values = np.asarray(action)
-        if values.size == 0 or values.dtype.kind not in "iuf":
-            return False
-        return bool(np.all(np.isclose(values, NO_ACTION, rtol=0.0, atol=1.0)))
-    return False
 
 
 class GeneralSatelliteTasking(gymnasium.Env[Any, Any]):
@@ -97,7 +84,8 @@ class GeneralSatelliteTasking(gymnasium.Env[Any, Any]):
         self.sat_arg_randomizer = sat_arg_randomizer or (lambda satellites: {})
         self.world_type = self._world_type(world_type)
         self.world_args_generator = self.world_type.default_world_args(**(world_args or {}))
-        self._copy_parts(scenario, rewarder or NoReward(), communicator or NoCommunication())
+        rewarder = NoReward() if rewarder is None else rewarder
+        self._copy_parts(scenario, rewarder, NoCommunication() if communicator is None else communicator)
         self.sim_rate = sim_rate
         self.max_step_duration = max_step_duration
         self.failure_penalty = failure_penalty
@@ -175,7 +163,7 @@ class GeneralSatelliteTasking(gymnasium.Env[Any, Any]):
     def _draw_episode(self) -> None:
         """Draws the time limit, the arguments, the targets and the weights of an episode."""
         limit = np.ceil(self.time_limit_generator() / self.sim_rate) * self.sim_rate
-        self.time_limit = float(limit)
+        self.time_limit = np.float64(limit)
         self.scenario.reset_overwrite_previous()
         self.rewarder.reset_overwrite_previous()
         self.communicator.reset_overwrite_previous()
@@ -200,10 +188,13 @@ class GeneralSatelliteTasking(gymnasium.Env[Any, Any]):
         """Seeds numpy's global generator, by default from the clock, and returns the seed."""
         if seed is None:
             seed = time_ns() % _SEEDS
-        if not 0 <= seed < _SEEDS:
-            raise ValueError(f"seed must be from 0 to 2**32 - 1, got {seed}")
         logger.info(f"Resetting environment with seed={seed}")
         self.seed = seed
+        if not isinstance(seed, int) or seed < 0:
+            # Gymnasium's error says what a seed must be.
+            np_random(seed)
+        if seed >= _SEEDS:
+            raise ValueError(f"seed must be from 0 to 2**32 - 1, got {seed}")
         np.random.seed(seed)
         return seed
 
@@ -225,7 +216,11 @@ class GeneralSatelliteTasking(gymnasium.Env[Any, Any]):
         self._draw_episode()
         environment = self._native_environment()
         environment |= {"rewarders": rewarders, "value_per_second": value_per_second}
-        return setup_text(self._simulator(environment))
+        text = setup_text(self._simulator(environment))
+        for satellite in self.satellites:
+            if not all(isinstance(part, slice) for part in satellite.observation_builder.parts):
+                raise NotImplementedError(sentence("A class of targets of your own in make_vec", "use Gymnasium's SyncVectorEnv"))
+        return text
 
     def _start_simulation(self) -> None:
         """Creates the simulation of the episode that was drawn."""
@@ -239,6 +234,8 @@ class GeneralSatelliteTasking(gymnasium.Env[Any, Any]):
         self.simulator.finish_init()
         for part in parts:
             part.reset_post_sim_init()
+        if type(self.scenario).reset_post_sim_init is not Scenario.reset_post_sim_init:
+            self.simulator.restart_if_changed()
         for satellite in self.satellites:
             for part in (satellite, satellite.dynamics, satellite.fsw):
                 part.reset_post_sim_init()
@@ -254,7 +251,7 @@ class GeneralSatelliteTasking(gymnasium.Env[Any, Any]):
             names.append("NoReward")
         return {
             "cls": type(self).native_class(),
-            "failure_penalty": self.failure_penalty,
+            "failure_penalty": self.failure_penalty if np.isfinite(self.failure_penalty) else 0.0,
             "terminate_on_time_limit": self.terminate_on_time_limit,
             "rewarders": [{"type": name} for name in names],
             "value_per_second": None,
@@ -305,13 +302,16 @@ class GeneralSatelliteTasking(gymnasium.Env[Any, Any]):
         """Whether the episode is over by the rules."""
         if self.terminate_on_time_limit and self._is_truncated():
             return True
-        return not all(satellite.is_alive() and not self.rewarder.is_terminated(satellite) for satellite in self.satellites)
+        is_terminated = self.rewarder.is_terminated
+        return any(not satellite.is_alive() or is_terminated(satellite) for satellite in self.satellites)
 
-    def _is_truncated(self) -> bool:
+    def _is_truncated(self) -> Any:
         """Whether the time limit is reached, or the rewarder truncates the episode."""
-        return self.simulator.sim_time >= self.time_limit or any(
-            self.rewarder.is_truncated(satellite) for satellite in self.satellites
-        )
+        is_over = self.simulator.sim_time >= self.time_limit
+        if is_over:
+            # This is numpy's type, as in BSK-RL.
+            return is_over
+        return any(map(self.rewarder.is_truncated, self.satellites))
 
     def _get_truncated(self) -> Any:
         """Whether the episode is truncated."""
@@ -351,7 +351,7 @@ class GeneralSatelliteTasking(gymnasium.Env[Any, Any]):
         self.communicator.set_pairs(step.pairs)
         self.communicator.communicate()
         for satellite in self.satellites:
-            if satellite.requires_retasking:
+            if satellite.requires_retasking and satellite.logger.isEnabledFor(logging.INFO):
                 satellite.logger.info(f"Satellite {satellite.name} requires retasking")
 
     def _give(self, satellite: Satellite, action: Any) -> None:
@@ -374,10 +374,11 @@ class GeneralSatelliteTasking(gymnasium.Env[Any, Any]):
         terminated = self._get_terminated()
         truncated = self._get_truncated()
         info = self._get_info()
-        logger.info(f"Step reward: {reward}")
-        if terminated or truncated:
-            logger.info(f"Episode terminated: {terminated}")
-            logger.info(f"Episode truncated: {truncated}")
+        if logger.isEnabledFor(logging.INFO):
+            logger.info(f"Step reward: {reward}")
+            if terminated or truncated:
+                logger.info(f"Episode terminated: {terminated}")
+                logger.info(f"Episode truncated: {truncated}")
         return observation, reward, terminated, truncated, info
 
     def render(self) -> None:

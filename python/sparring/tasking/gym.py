@@ -1,7 +1,8 @@
 """Environments of satellite tasking under BSK-RL's names."""
 
 from .constellation import ConstellationTasking
-from .general import NO_ACTION, GeneralSatelliteTasking, is_no_action
+from .general import GeneralSatelliteTasking
+from .no_action import NO_ACTION, is_no_action
 from .single import SatelliteTasking
 
 __all__ = [

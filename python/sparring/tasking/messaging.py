@@ -18,8 +18,11 @@ class Payload:
     _defaults: dict[str, Any] = {}
 
     def __init__(self, **fields: Any) -> None:
-        for name, value in {**self._defaults, **fields}.items():
-            setattr(self, name, list(value) if isinstance(value, list) else value)
+        own = self.__dict__
+        for name, value in self._defaults.items():
+            if name not in fields:
+                own[name] = list(value) if isinstance(value, list) else value
+        own.update(fields)
 
     def __repr__(self) -> str:
         fields = ", ".join(f"{name}={value!r}" for name, value in vars(self).items())
@@ -105,6 +108,8 @@ class Message:
         """Replaces the content of the message until the next run of the simulation."""
         if self._owner is None:
             raise NotImplementedError(sentence("Writing this message", "write a satellite's message"))
+        if not isinstance(payload, Payload):
+            raise TypeError(f"A message has a payload of `messaging`, got {type(payload).__name__}.")
         self._written = payload
         self._written_run = self._owner.simulator.run_count
         self._owner.written_run = self._written_run

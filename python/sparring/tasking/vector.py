@@ -14,7 +14,8 @@ from gymnasium.vector.utils import batch_space
 
 from .._native import NativeTaskingBatch
 from ..errors import invalid
-from .general import NO_ACTION, GeneralSatelliteTasking, logger
+from .general import GeneralSatelliteTasking, logger
+from .no_action import NO_ACTION
 from .single import SatelliteTasking
 from .vector_specs import draw_setup, python_part
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,9 @@ def python_part(env: GeneralSatelliteTasking) -> str | None:
             return f"{part} of {satellite.name}"
     if env.generate_obs_retasking_only:
         return "generate_obs_retasking_only"
-    for hook in ("after_step", "reset_during_sim_init", "reset_post_sim_init"):
+    if not math.isfinite(env.failure_penalty):
+        return "failure_penalty"
+    for hook in ("after_step", "reset_pre_sim_init", "reset_during_sim_init", "reset_post_sim_init"):
         owner = defining_class(type(env.scenario), hook)
         if owner is not None and not _is_from_package(owner):
             return f"{owner.__name__}.{hook}"

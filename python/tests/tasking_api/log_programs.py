@@ -78,7 +78,32 @@ def warnings_log():
     fly(env, 3, 2)
 
 
-LOG_PROGRAMS = [imaging_log, dying_log, scanning_log, warnings_log]
+def simultaneous_log():
+    """Actions of several satellites end at the same times."""
+
+    class Busy(sats.ImagingSatellite):
+        observation_spec = Imager.observation_spec
+        action_spec = [
+            act.Charge(duration=120.0),
+            act.Downlink(duration=80.0),
+            act.Desat(duration=40.0),
+            act.Image(n_ahead_image=1, max_duration=40.0),
+        ]
+        dyn_type = dyn.FullFeaturedDynModel
+        fsw_type = fsw.SteeringImagerFSWModel
+
+    fly(quiet_environment(ConstellationTasking, imagers(4, Busy), comm.FreeCommunication()), 5, 40)
+
+
+def windows_log():
+    """Windows are computed for a long time at once, and padded."""
+    env = quiet_environment(GeneralSatelliteTasking, imagers(1), targets=300)
+    env.reset(seed=3)
+    env.satellites[0].calculate_additional_windows(2000.0)
+    env.satellites[0].find_next_opportunities(20, types="target", max_lookahead=3)
+
+
+LOG_PROGRAMS = [imaging_log, dying_log, scanning_log, warnings_log, simultaneous_log, windows_log]
 
 
 def log_lines(program):

@@ -70,9 +70,9 @@ class Scanner(sats.AccessSatellite):
     fsw_type = fsw.ContinuousImagingFSWModel
 
 
-def imagers(count, cls=Imager, **args):
+def imagers(count, cls=Imager, obs_type=np.ndarray, **args):
     """Returns imagers of a class, with arguments that replace the usual ones."""
-    return [cls(f"EO_{number}", IMAGER_ARGS | args) for number in range(1, count + 1)]
+    return [cls(f"EO_{number}", IMAGER_ARGS | args, obs_type=obs_type) for number in range(1, count + 1)]
 
 
 def train(spacing=None, planes=1):
@@ -81,11 +81,11 @@ def train(spacing=None, planes=1):
     return orbital.walker_delta_args(altitude=800.0, inc=60.0, n_planes=planes, **cluster)
 
 
-def constellation(kind, satellites, communicator=None, targets=800, rewarder=None, **settings):
+def constellation(kind, satellites, communicator=None, targets=800, rewarder=None, scenario=None, **settings):
     """Returns an environment of imagers."""
     return kind(
         satellites=satellites,
-        scenario=scene.UniformTargets(targets),
+        scenario=scene.UniformTargets(targets) if scenario is None else scenario,
         rewarder=data.UniqueImageReward() if rewarder is None else rewarder,
         communicator=communicator,
         log_level="CRITICAL",

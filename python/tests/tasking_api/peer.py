@@ -7,6 +7,7 @@ if os.environ.get("TASKING_PEER") == "bsk_rl":
     from Basilisk.utilities.orbitalMotion import elem2rv, rv2elem
     from bsk_rl import ConstellationTasking, GeneralSatelliteTasking, SatelliteTasking, act, comm, data, obs, sats, scene
     from bsk_rl.data.base import Data, DataStore, GlobalReward
+    from bsk_rl.data.unique_image_data import UniqueImageData, UniqueImageReward, UniqueImageStore
     from bsk_rl.scene.targets import Target
     from bsk_rl.sim import dyn, fsw
     from bsk_rl.utils import attitude, functional, orbital
@@ -28,6 +29,7 @@ else:
         scene,
     )
     from sparring.tasking.data.base import Data, DataStore, GlobalReward
+    from sparring.tasking.data.unique_image_data import UniqueImageData, UniqueImageReward, UniqueImageStore
     from sparring.tasking.scene.targets import Target
     from sparring.tasking.sim import dyn, fsw
     from sparring.tasking.utils import attitude, functional, orbital
@@ -45,6 +47,9 @@ __all__ = [
     "GlobalReward",
     "SatelliteTasking",
     "Target",
+    "UniqueImageData",
+    "UniqueImageReward",
+    "UniqueImageStore",
     "act",
     "aliveness_checker",
     "attitude",

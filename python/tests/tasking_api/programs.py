@@ -2,7 +2,13 @@
 
 import programs_rewards
 import programs_satellites
+import programs_targets
 import programs_views
 
-PROGRAMS = [*programs_rewards.PROGRAMS, *programs_views.PROGRAMS, *programs_satellites.PROGRAMS]
+PROGRAMS = [
+    *programs_rewards.PROGRAMS,
+    *programs_views.PROGRAMS,
+    *programs_satellites.PROGRAMS,
+    *programs_targets.PROGRAMS,
+]
 SEED = 21

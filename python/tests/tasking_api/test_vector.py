@@ -8,7 +8,7 @@ import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from parts import IMAGER_ARGS, SCANNER_ARGS, Imager, Scanner, imagers
-from peer import GeneralSatelliteTasking, SatelliteTasking, aliveness_checker, comm, data, obs, scene
+from peer import GeneralSatelliteTasking, SatelliteTasking, Target, aliveness_checker, comm, data, obs, scene
 
 import sparring
 from sparring.tasking.vector import GO_ON, TaskingVectorEnv
@@ -188,6 +188,43 @@ def test_own_reward_runs_in_python():
     envs = sparring.make_vec(satellites=Scanner("S", SCANNER_ARGS), num_envs=1, **arguments)
     envs.reset(seed=1)
     assert sum(float(envs.step(np.zeros(1, int))[1][0]) for _ in range(4)) < 0.0
+
+
+class Divided(scene.UniformTargets):
+    """Scenario that adds its targets to the access checks itself."""
+
+    def reset_pre_sim_init(self):
+        super().reset_pre_sim_init()
+
+
+class Ranked(Target):
+    """Target whose priority is computed."""
+
+    @property
+    def priority(self):
+        return 1.0 / (1.0 + self.rank)
+
+    @priority.setter
+    def priority(self, value):
+        self.rank = value
+
+
+class Ranking(scene.UniformTargets):
+    def regenerate_targets(self):
+        super().regenerate_targets()
+        self.targets = [Ranked(target.name, target.r_LP_P, target.priority) for target in self.targets]
+
+
+@pytest.mark.parametrize("changed", [{"scenario": Divided(700)}, {"failure_penalty": float("nan")}])
+def test_targets_and_penalties_of_python_step_one_by_one(changed):
+    satellites, arguments = imaging()
+    assert isinstance(sparring.make_vec(satellites=satellites, num_envs=2, **(arguments | changed)), SyncVectorEnv)
+
+
+def test_own_classes_of_targets_are_left_out():
+    satellites, arguments = imaging()
+    with pytest.raises(NotImplementedError, match="SyncVectorEnv"):
+        sparring.make_vec(satellites=satellites, num_envs=2, **(arguments | {"scenario": Ranking(700)})).reset(seed=1)
 
 
 def test_threads_do_not_change_results():

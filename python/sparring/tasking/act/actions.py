@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from copy import deepcopy
 from typing import Any
 
@@ -19,7 +20,7 @@ def select_action_builder(satellite: Any) -> ActionBuilder:
     return builder
 
 
-class ActionBuilder(Resetable):
+class ActionBuilder(ABC, Resetable):
     """Actions of one satellite."""
 
     def __init__(self, satellite: Any) -> None:
@@ -52,21 +53,21 @@ class ActionBuilder(Resetable):
             item.reset_post_sim_init()
 
     @property
+    @abstractmethod
     def action_space(self) -> spaces.Space[Any]:
         """Space of the satellite's actions."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def action_description(self) -> Any:
         """Names of the actions."""
-        raise NotImplementedError
 
+    @abstractmethod
     def set_action(self, action: Any) -> None:
         """Gives an action to the satellite."""
-        raise NotImplementedError
 
 
-class Action(Resetable):
+class Action(ABC, Resetable):
     """Base of the items of `action_spec`."""
 
     builder_type: Any = AbstractClassProperty()
@@ -83,3 +84,7 @@ class Action(Resetable):
     def link_simulator(self, simulator: Any) -> None:
         """Links the action to the simulator of the episode."""
         self.simulator = simulator
+
+    @abstractmethod
+    def set_action(self, action: Any, prev_action_key: str | None = None) -> Any:
+        """Gives the action to the satellite."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from abc import abstractmethod
 from typing import Any
 
 import numpy as np
@@ -48,7 +49,7 @@ class DiscreteActionBuilder(ActionBuilder):
     def set_action(self, action: Any) -> None:
         """Gives an action by index, or one that `set_action_override` of an item accepts."""
         self.satellite.disable_timed_terminal_event()
-        if not np.issubdtype(type(action), np.integer):
+        if type(action) is not int and not np.issubdtype(type(action), np.integer):
             self._set_override(action)
             return
         index = 0
@@ -89,13 +90,19 @@ class DiscreteAction(Action):
         super().__init__(name=name)
         self.n_actions = n_actions
 
+    @abstractmethod
     def set_action(self, action: int, prev_action_key: str | None = None) -> str:
         """Gives the action of a local index, and returns its key."""
-        raise NotImplementedError
 
     def describe(self) -> dict[str, Any]:
         """Returns the settings of the action for the simulation."""
         raise NotImplementedError(sentence(f"The action {type(self).__name__}", "inherit from one of the actions in `act`"))
+
+
+def _check_unchanged(duration: float | None, simulated: float | None) -> None:
+    """Raises NotImplementedError if a duration is not the one with which the episode began."""
+    if duration is not simulated and duration != simulated:
+        raise NotImplementedError(sentence("A duration that changes in an episode", "add an action for each duration"))
 
 
 class DiscreteFSWAction(DiscreteAction):
@@ -120,8 +127,10 @@ class DiscreteFSWAction(DiscreteAction):
     def set_action(self, action: int, prev_action_key: str | None = None) -> str:
         """Gives the action, and returns the function's name."""
         assert action == 0
+        _check_unchanged(self.duration, self._simulated_duration)
         satellite = self.satellite
-        satellite.logger.info(f"{self.name} tasked for {self.duration} seconds")
+        if satellite.logger.isEnabledFor(logging.INFO):
+            satellite.logger.info(f"{self.name} tasked for {self.duration} seconds")
         satellite.update_timed_terminal_event(self.simulator.sim_time + self.duration, info=f"for {self.fsw_action}")
         satellite.command_selected()
         return self.fsw_action
@@ -131,6 +140,7 @@ class DiscreteFSWAction(DiscreteAction):
         function = getattr(self.satellite.fsw_type, self.fsw_action, None)
         if function is None:
             raise AttributeError(f"{self.satellite.fsw_type.__name__} has no action {self.fsw_action!r}")
+        self._simulated_duration = self.duration
         return {
             "type": "DiscreteFSWAction",
             "name": self.name,
@@ -195,6 +205,7 @@ class Image(DiscreteAction):
 
     def image(self, target: Any, prev_action_key: str | None = None) -> str:
         """Gives the image of a target (index, target or id), and returns the target's id."""
+        _check_unchanged(self.max_duration, self._simulated_duration)
         target = self.satellite.parse_target_selection(target)
         if target.id != prev_action_key:
             self.satellite.task_target_for_imaging(target, max_duration=self.max_duration)
@@ -214,6 +225,7 @@ class Image(DiscreteAction):
 
     def describe(self) -> dict[str, Any]:
         """Returns the settings of the action."""
+        self._simulated_duration = self.max_duration
         return {
             "type": "Image",
             "name": self.name,
@@ -241,6 +253,7 @@ class Broadcast(DiscreteAction):
     def set_action(self, action: int, prev_action_key: str | None = None) -> str:
         """Gives the action, and returns its name."""
         assert action == 0
+        _check_unchanged(self.duration, self._simulated_duration)
         self.broadcast_pending = True
         self.satellite.update_timed_terminal_event(self.simulator.sim_time + self.duration, info="for broadcast")
         self.satellite.command_selected()
@@ -248,4 +261,5 @@ class Broadcast(DiscreteAction):
 
     def describe(self) -> dict[str, Any]:
         """Returns the settings of the action."""
+        self._simulated_duration = self.duration
         return {"type": "Broadcast", "name": self.name, "duration": self.duration}

@@ -6,6 +6,10 @@ import logging
 from copy import copy
 from typing import Any
 
+from ..data.nadir_data import ScanningTime
+from ..data.no_data import NoData
+from ..data.resource_data import ResourceData
+from ..data.unique_image_data import UniqueImageData
 from ..sim.dyn import LOSCommDynModel
 from ..unsupported import sentence
 from ..utils.functional import Resetable
@@ -13,6 +17,7 @@ from ..utils.functional import Resetable
 logger = logging.getLogger(__name__)
 
 _PACKAGE = __name__
+_PLAIN_DATA = {NoData, ResourceData, ScanningTime, UniqueImageData}
 
 
 class CommunicationMethod(Resetable):
@@ -24,6 +29,8 @@ class CommunicationMethod(Resetable):
         self.last_communication_time = 0.0
         self._pairs: list[tuple[int, int]] = []
         self._check()
+        if not self.names():
+            raise TypeError(f"Can't instantiate abstract class {type(self).__name__}; use a method in `comm`")
 
     def _check(self) -> None:
         """Raises NotImplementedError if a user's class finds pairs of its own."""
@@ -66,7 +73,7 @@ class CommunicationMethod(Resetable):
         time = self.satellites[0].simulator.sim_time
         if time - self.last_communication_time < self.min_period:
             return
-        pairs = self.communication_pairs()
+        pairs = self.communication_pairs() if self._pairs else []
         if pairs:
             plural = "s" if len(pairs) > 1 else ""
             logger.info(f"Communicating data in {len(pairs)} direction{plural}.")
@@ -83,6 +90,9 @@ class CommunicationMethod(Resetable):
     def _communicate_all(self) -> None:
         """Gives all satellites the data of all."""
         logger.info("Optimizing data communication between all pairs of satellites")
+        if len(self.satellites) == 1 and type(self.satellites[0].data_store.data) in _PLAIN_DATA:
+            # The sum with no data is the data.
+            return
         data = type(self.satellites[0].data_store.data)()
         for satellite in self.satellites:
             data += satellite.data_store.data

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from abc import ABC, abstractmethod
 from typing import Any
 
 from ..utils.functional import Resetable
@@ -10,18 +11,18 @@ from ..utils.functional import Resetable
 logger = logging.getLogger(__name__)
 
 
-class Data:
+class Data(ABC):
     """Base of units of data, which are added to each other."""
 
+    @abstractmethod
     def __add__(self, other: Any) -> Any:
         """Combines two units of data."""
-        raise NotImplementedError
 
     def __copy__(self) -> Any:
         return self.__class__() + self
 
 
-class DataStore:
+class DataStore(ABC):
     """Base of the data that one satellite has."""
 
     data_type: Any
@@ -36,9 +37,9 @@ class DataStore:
         """Returns what `compare_log_states` needs of the satellite at the end of a step."""
         return None
 
+    @abstractmethod
     def compare_log_states(self, old_state: Any, new_state: Any) -> Any:
         """Returns the data that a step added, from the states before and after it."""
-        raise NotImplementedError
 
     def update_from_logs(self) -> Any:
         """Adds and returns the data of the last step; the first call only keeps the state."""
@@ -62,7 +63,7 @@ class DataStore:
         self.staged_data = []
 
 
-class GlobalReward(Resetable):
+class GlobalReward(ABC, Resetable):
     """Base of rewarders: it makes the stores of data, and pays for new data."""
 
     data_store_type: Any
@@ -98,9 +99,9 @@ class GlobalReward(Resetable):
         )
         self.cum_reward[satellite.name] = 0.0
 
+    @abstractmethod
     def calculate_reward(self, new_data_dict: dict[str, Any]) -> dict[str, float]:
         """Returns the rewards of a step by satellite name, from the new data by name."""
-        raise NotImplementedError
 
     def reward(self, new_data_dict: dict[str, Any]) -> dict[str, float]:
         """Returns the rewards of a step, and adds rewards and data to those of the episode."""

@@ -57,6 +57,9 @@ class UniqueImageStore(DataStore):
         assert self.satellite.latest_target is not None
         return UniqueImageData(imaged={self.satellite.latest_target})
 
+    def update_target_colors(self, targets: Iterable[Target]) -> None:
+        """Hook that colours imaged targets in Vizard; it does nothing."""
+
 
 def own_priority(priority: float) -> float:
     """Returns the reward of a priority by default: the priority itself."""

@@ -6,6 +6,7 @@ Most values come from the simulation in one call; the rest are functions of the 
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
 from copy import deepcopy
 from functools import cached_property
 from typing import Any
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
+from ..scene.targets import Target
 from ..utils.eclipses import NO_ECLIPSE, warn_of_no_eclipse
 from ..utils.errors import no_opportunity
 from ..utils.functional import Resetable, vectorize_nested_dict
@@ -44,10 +46,14 @@ class ObservationBuilder(Resetable):
         self.dtype = dtype
         self.satellite = satellite
         self.simulator: Any
-        self.obs_dict_cache: dict[str, Any] | None = None
-        self.obs_cache_time = 0.0
         self._vector_cache: Any = None
+        self.obs_dict_cache = None
+        self.obs_cache_time = 0.0
+        self._target_changes = 0
         self.parts: list[Any] = []
+        self._functions: list[Any] = []
+        self._function_places: list[int] = []
+        self._native_places: Any = None
         self._eclipses: list[tuple[int, float]] = []
         self.observation_spec: list[Any] = deepcopy(satellite.observation_spec)
         counts: dict[str, int] = {}
@@ -56,6 +62,16 @@ class ObservationBuilder(Resetable):
             if counts[item.name] > 1:
                 item.name += f"_{counts[item.name]}"
             item.link_satellite(satellite)
+
+    @property
+    def obs_dict_cache(self) -> dict[str, Any] | None:
+        """Observation of the current time by name; None makes the next one be computed anew."""
+        return self._obs_dict_cache
+
+    @obs_dict_cache.setter
+    def obs_dict_cache(self, value: dict[str, Any] | None) -> None:
+        self._obs_dict_cache = value
+        self._vector_cache = None
 
     def reset_overwrite_previous(self) -> None:
         """Passes the reset to each observation."""
@@ -76,7 +92,6 @@ class ObservationBuilder(Resetable):
         """Passes the reset and the simulator to each observation."""
         self.simulator = self.satellite.simulator
         self.obs_dict_cache = None
-        self._vector_cache = None
         for item in self.observation_spec:
             item.link_simulator(self.simulator)
             item.reset_post_sim_init()
@@ -84,6 +99,7 @@ class ObservationBuilder(Resetable):
     def native_items(self) -> list[dict[str, Any]]:
         """Returns the items that the simulation observes, and plans how to assemble the rest."""
         items: list[dict[str, Any]] = []
+        self._target_changes = Target.changes
         self.parts, self._eclipses = [], []
         taken = 0
         for item in self.observation_spec:
@@ -100,6 +116,7 @@ class ObservationBuilder(Resetable):
                 else:
                     self.parts.append(slice(taken, taken + content))
                 taken += content
+        self._plan_places(taken)
         return items
 
     def obs_dict(self) -> dict[str, Any]:
@@ -117,9 +134,9 @@ class ObservationBuilder(Resetable):
 
     def obs_ndarray(self) -> Any:
         """Returns the observation as a vector."""
-        # The log has lines of each item, and written messages are known to the models only.
+        # The log has lines of each item; written messages and changed targets are known to Python only.
         is_logged = self.satellite.logger.isEnabledFor(logging.INFO)
-        if is_logged or self.satellite.dynamics.is_overwritten:
+        if is_logged or self.satellite.dynamics.is_overwritten or self._target_changes != Target.changes:
             return vectorize_nested_dict(self.obs_dict())[1]
         if self.obs_dict_cache is not None and self.simulator.sim_time == self.obs_cache_time:
             return vectorize_nested_dict(self.obs_dict_cache)[1]
@@ -138,22 +155,46 @@ class ObservationBuilder(Resetable):
             missing = [(time - now) / norm for time in NO_ECLIPSE]
             if values[place] == missing[0] and values[place + 1] == missing[1]:
                 warn_of_no_eclipse()
-        if len(self.parts) == 1 and isinstance(self.parts[0], slice):
+        if not self._functions:
             return values
+        found = [function() for function in self._functions]
+        if self._native_places is not None and all(isinstance(value, float) for value in found):
+            vector = np.empty(len(values) + len(found))
+            vector[self._native_places] = values
+            for place, value in zip(self._function_places, found, strict=True):
+                vector[place] = value
+            return vector
+        return self._concatenated(values, iter(found))
+
+    def _concatenated(self, values: Any, found: Iterator[Any]) -> Any:
+        """Vector of numbers of the simulation and of what functions returned."""
         vectors = []
         for part in self.parts:
-            if isinstance(part, slice):
-                vectors.append(values[part])
-                continue
-            value = part()
+            value = values[part] if isinstance(part, slice) else next(found)
             if isinstance(value, dict):
                 value = vectorize_nested_dict(value)[1]
             elif isinstance(value, np.ndarray):
-                value = value.astype(self.dtype).ravel() if value.ndim else [value]
+                is_native = isinstance(part, slice)
+                value = value if is_native else value.astype(self.dtype).ravel() if value.ndim else [value]
             elif not isinstance(value, list):
                 value = [value]
             vectors.append(value)
         return np.concatenate(vectors)
+
+    def _plan_places(self, count: int) -> None:
+        """Plans the places of numbers of the simulation, `count` in all, and of functions that return one number."""
+        self._functions = [part for part in self.parts if not isinstance(part, slice)]
+        places: list[int] = []
+        self._function_places = []
+        width = 0
+        for part in self.parts:
+            size = part.stop - part.start if isinstance(part, slice) else 1
+            if isinstance(part, slice):
+                places += range(width, width + size)
+            else:
+                self._function_places.append(width)
+            width += size
+        self._native_places = np.array(places) if count else None
 
     def obs_array_keys(self) -> list[str]:
         """Returns the names of the vector's values."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
@@ -14,12 +15,13 @@ NativeItem = dict[str, Any]
 
 
 def as_number(norm: Any) -> float | None:
-    """Returns a divisor that the simulation can apply, or None."""
-    is_number = isinstance(norm, (int, float, np.integer, np.floating)) and not math.isnan(norm)
-    return float(norm) if is_number else None
+    """Returns a divisor that the simulation can apply, or None: one other than a finite number or zero."""
+    if not isinstance(norm, (int, float, np.integer, np.floating)) or isinstance(norm, bool):
+        return None
+    return float(norm) if norm != 0 and math.isfinite(norm) else None
 
 
-class Observation(Resetable):
+class Observation(ABC, Resetable):
     """Base of the items of `observation_spec`."""
 
     def __init__(self, name: str = "obs") -> None:
@@ -35,9 +37,9 @@ class Observation(Resetable):
         """Links the observation to the simulator of the episode."""
         self.simulator = simulator
 
+    @abstractmethod
     def get_obs(self) -> Any:
         """Returns the value: a number, list, array or dictionary of them."""
-        raise NotImplementedError
 
     def plan(self) -> Plan:
         """Returns which parts of the value the simulation computes."""
@@ -85,7 +87,7 @@ class Time(Observation):
         time: float = self.simulator.sim_time
         if self.return_time_remaining:
             time = self.simulator.time_limit - time
-        return time / float(self._norm)
+        return time / self._norm
 
 
 class Eclipse(Observation):

@@ -232,13 +232,16 @@ class OpportunityProperties(Observation):
 
     def plan(self) -> Plan:
         """Returns which properties the simulation computes."""
-        from ..sats.access_satellite import KINDS, AccessSatellite
+        from ..sats.access_satellite import KINDS, MAX_FOUND, AccessSatellite
 
         find = getattr(type(self.satellite), "find_next_opportunities", None)
         is_usual = find is AccessSatellite.find_next_opportunities and self.type in KINDS
         natives = [item for item in self.target_properties if self._is_native(item)]
         has_own = type(self).get_obs is not OpportunityProperties.get_obs or _has_equal_names(self.target_properties)
-        if has_own or not is_usual or not natives or self.n_ahead_observe < 1:
+        simulator = getattr(self.satellite, "simulator", None)
+        if self.type == "target" and simulator is not None:
+            is_usual = is_usual and simulator.are_targets_plain()
+        if has_own or not is_usual or not natives or not 1 <= self.n_ahead_observe <= MAX_FOUND:
             return super().plan()
         plan = Plan()
         described = [{key: item[key] for key in ("prop", "norm", "name")} for item in natives]

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..unsupported import sentence
 from ..utils.errors import no_opportunity
 from .satellite import Satellite
 
@@ -18,6 +19,8 @@ KINDS = ("target", "ground_station")
 #: Windows that close less than this after the current time have closed, s.
 _CLOSED_S = 1e-12
 _MAX_LOOKAHEAD = 100
+#: Largest number of opportunities for which the simulation is asked at once.
+MAX_FOUND = 10_000
 
 
 class AccessSatellite(Satellite):
@@ -46,6 +49,8 @@ class AccessSatellite(Satellite):
         self.access_filter_functions: list[Filter] = []
         #: Filter of a rewarder, which the simulation applies itself.
         self.knowledge_filter: Filter | None = None
+        #: Whether the satellite can have access to all targets of the simulation.
+        self.has_all_targets = True
 
     def generation_times(self) -> dict[str, Any]:
         """Returns the times for which access windows are computed."""
@@ -59,34 +64,47 @@ class AccessSatellite(Satellite):
         """Forgets the locations of the previous episode."""
         super().reset_overwrite_previous()
         self.locations_for_access_checking: list[dict[str, Any]] = []
-        self._objects: dict[tuple[str, int], tuple[Any, Any]] = {}
-        self._counts = dict.fromkeys(KINDS, 0)
+        self._things: dict[str, dict[int, tuple[Any, Any]]] = {kind: {} for kind in KINDS}
         self._targets: dict[int, int] = {}
+        self._is_started = False
 
     def add_location_for_access_checking(
         self, object: Any, r_LP_P: Any, min_elev: float, type: str, start_time: float = 0.0
     ) -> None:
         """Adds a location, planet-fixed in m, to the search for access windows.
 
-        Only the scenario's targets and the world's ground stations are searched.
+        Targets and the world's ground stations are searched, from the start of the episode.
         """
         if type not in KINDS:
             raise NotImplementedError(f"Opportunities of type {type!r} are not supported; add targets to the scenario.")
+        if self._is_started:
+            raise NotImplementedError(sentence("A location that is added after the start", "add all of them in a reset"))
         location = {"object": object, type: object, "r_LP_P": r_LP_P, "min_elev": min_elev}
         location |= {"type": type, "start_time": start_time}
         self.locations_for_access_checking.append(location)
-        number = self._counts[type]
-        self._counts[type] += 1
-        self._objects[type, number] = (object, r_LP_P)
-        if type == "target":
-            self._targets[id(object)] = number
+        if type == "ground_station":
+            stations = self._things[type]
+            stations[len(stations)] = (object, r_LP_P)
+
+    def link_targets(self, own: list[int], numbers: dict[int, int], things: dict[int, tuple[Any, Any]]) -> None:
+        """Links the satellite's own targets, given by their identities, to their numbers in the simulation.
+
+        `numbers` and `things` are those of all targets: by identity, and object and position by number.
+        """
+        if len(set(own)) != len(own):
+            raise NotImplementedError(sentence("A target that is added twice", "add it once"))
+        self.has_all_targets = len(own) == len(numbers)
+        self._targets = numbers if self.has_all_targets else {identity: numbers[identity] for identity in own}
+        self._things["target"] = things if self.has_all_targets else {number: things[number] for number in self._targets.values()}
 
     def target_number(self, target: Any) -> int:
         """Returns the number of a target in the simulation."""
-        try:
-            return self._targets[id(target)]
-        except KeyError:
-            raise ValueError(f"{target} is not a target of the scenario.") from None
+        number = self._targets.get(id(target))
+        if number is None:
+            raise ValueError(f"{target} is not a target of the satellite.")
+        if self._things["target"][number][1] is not target.r_LP_P:
+            raise NotImplementedError(sentence("A target that moves in an episode", "place targets in a reset"))
+        return number
 
     def reset_post_sim_init(self) -> None:
         """Logs the first search for windows, and sets the access filter of the simulation."""
@@ -94,6 +112,7 @@ class AccessSatellite(Satellite):
         if self.initial_generation_duration is None:
             limit = self.simulator.time_limit
             self.initial_generation_duration = 0 if limit == float("inf") else limit
+        self._is_started = True
         self._link_filter()
         if self.initial_generation_duration > 0:
             self.log_windows(0.0, self.window_calculation_time)
@@ -101,13 +120,14 @@ class AccessSatellite(Satellite):
     def _link_filter(self) -> None:
         """Sets the filter of the simulation to the functions that the user added."""
         functions = self.access_filter_functions
-        if not functions:
+        if not functions and self.has_all_targets:
             return
-        objects = self._objects
+        things = self._things
 
         def accepts(kind: str, number: int, open_s: float, close_s: float) -> bool:
-            thing, place = objects[kind, number]
-            item = {"object": thing, "window": (open_s, close_s), "type": kind, "r_LP_P": place}
+            if number not in things[kind]:
+                return False
+            item = self._opportunity(kind, number, open_s, close_s)
             return all(function(item) for function in functions)
 
         self.simulator.native.set_access_filter(self.index, accepts)
@@ -122,9 +142,13 @@ class AccessSatellite(Satellite):
         """Computes windows for `duration` seconds more, in whole blocks."""
         if duration <= 0:
             return
-        until = self.window_calculation_time + duration
-        self.simulator.native.compute_opportunities(self.index, until)
         self.simulator.log_windows()
+        start = self.window_calculation_time
+        native = self.simulator.native
+        native.compute_opportunities(self.index, start + duration)
+        # The journal has an entry for each block, the log one line for all of them.
+        native.take_journal()
+        self.log_windows(start, self.window_calculation_time)
 
     def log_windows(self, start_s: float, end_s: float) -> None:
         """Logs that windows were computed from and to a time, s."""
@@ -132,21 +156,27 @@ class AccessSatellite(Satellite):
 
     def _opportunity(self, kind: str, number: int, open_s: float, close_s: float) -> Opportunity:
         """Opportunity of a window, as users of BSK-RL know it."""
-        thing, place = self._objects[kind, number]
-        return {"object": thing, "window": (open_s, close_s), "type": kind, "r_LP_P": place}
+        thing, place = self._things[kind][number]
+        window = (self._window_end(open_s), self._window_end(close_s))
+        return {"object": thing, "window": window, "type": kind, "r_LP_P": place}
+
+    def _window_end(self, time_s: float) -> float:
+        """Opening or close of a window; one at the end of a search has numpy's type, as in BSK-RL."""
+        return np.float64(time_s) if time_s % self.generation_duration == 0.0 else time_s
 
     @property
     def opportunities(self) -> list[Opportunity]:
         """All opportunities that are computed, in the order of their close."""
         found = self.simulator.native.opportunities(self.index)
-        return [self._opportunity(*item) for item in found]
+        return [self._opportunity(*item) for item in found if item[1] in self._things[item[0]]]
 
     @property
     def upcoming_opportunities(self) -> list[Opportunity]:
         """Opportunities that have not closed, in the order of their close."""
         now = self.simulator.sim_time + _CLOSED_S
         found = self.simulator.native.opportunities(self.index)
-        return [self._opportunity(*item) for item in found if item[3] >= now]
+        things = self._things
+        return [self._opportunity(*item) for item in found if item[3] >= now and item[1] in things[item[0]]]
 
     def opportunities_dict(
         self, types: Any = None, filter: Filter | list[Any] | None = None
@@ -213,8 +243,8 @@ class AccessSatellite(Satellite):
             return []
         if isinstance(types, (list, tuple)) and len(types) == 1:
             types = types[0]
-        is_native = filter is None and types in KINDS and max_lookahead == _MAX_LOOKAHEAD and pad
-        if is_native:
+        is_usual = filter is None and types in KINDS and max_lookahead == _MAX_LOOKAHEAD and pad
+        if is_usual and is_integer(n) and 0 < n <= MAX_FOUND:
             return self._find_native(types, n)
         found: list[Opportunity] = []
         for _ in range(max_lookahead):
@@ -274,7 +304,7 @@ class AccessSatellite(Satellite):
             self.access_filter_functions.insert(0, function)
         else:
             self.access_filter_functions.append(function)
-        if getattr(getattr(self, "simulator", None), "native", None) is not None:
+        if getattr(self, "_is_started", False):
             self._link_filter()
 
     @property

@@ -36,8 +36,13 @@ class ImagingSatellite(AccessSatellite):
         """Forgets the images of the previous episode."""
         super().reset_overwrite_previous()
         self._tasked: Target | None = None
+        self._image_number = 0
         self.imaged = 0
         self.missed = 0
+
+    def event_number(self, kind: str) -> int:
+        """Returns when an event of a kind was set; the one of an image stays set through other actions."""
+        return self._image_number if kind == "imaged" else super().event_number(kind)
 
     def reset_pre_sim_init(self) -> None:
         """Gives the storage one buffer of images."""
@@ -49,6 +54,8 @@ class ImagingSatellite(AccessSatellite):
         """Returns the target of an index of upcoming opportunities, a target or an id."""
         if is_integer(target_query):
             number = int(target_query) + 1
+            if number < 1:
+                raise IndexError(f"Target index {target_query} out of range.")
             found = self.find_next_opportunities(n=number, types=self.target_types)
             target: Target = found[-1]["object"]
             return target
@@ -64,6 +71,7 @@ class ImagingSatellite(AccessSatellite):
     def enable_target_window(self, target: Target, max_duration: float | None = None) -> None:
         """Gives the image of a target, until its next window closes or `max_duration` seconds."""
         self._tasked = target
+        self._image_number = self.simulator.next_event_number()
         self.command_target(self.target_number(target))
         # The simulation finds the window itself; the search here is for the log.
         if self.logger.isEnabledFor(logging.INFO):

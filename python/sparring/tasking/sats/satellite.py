@@ -93,6 +93,7 @@ class Satellite(ABC, Resetable):
         self.selected_index: int | None = None
         self._command: tuple[int | None, int | None] | None = None
         self._timed_event: tuple[float, str] | None = None
+        self._timed_number = 0
         self._is_alive = True
         #: Number of images in the episode that the simulation reported.
         self.image_count = 0
@@ -180,6 +181,8 @@ class Satellite(ABC, Resetable):
     def set_fsw(self, fsw_rate: float) -> Any:
         """Creates and returns the flight software model of the episode."""
         self.fsw = self.fsw_type(self, fsw_rate, **self.sat_args)
+        self._has_own_checks = has_own_checks(self.dyn_type) and has_own_checks(self.fsw_type)
+        self._alive_run = -1
         return self.fsw
 
     def reset_during_sim_init(self) -> None:
@@ -225,23 +228,24 @@ class Satellite(ABC, Resetable):
         """Returns whether all aliveness checkers pass, and did so at each earlier call."""
         if not self._is_alive:
             return False
-        if self._has_native_checks() and self.simulator.native.is_alive(self.index):
-            return True
-        self._is_alive = bool(self.dynamics.is_alive(log_failure=log_failure) and self.fsw.is_alive(log_failure=log_failure))
+        simulator, dynamics = self.simulator, self.dynamics
+        run = simulator.run_count
+        if (
+            self._has_own_checks
+            and dynamics.written_run != run
+            and "is_alive" not in dynamics.__dict__
+            and "is_alive" not in self.fsw.__dict__
+        ):
+            # No class, message or object changes a check: the simulation makes them, once after each run.
+            if self._alive_run == run:
+                return True
+            if simulator.native.is_alive(self.index):
+                self._alive_run = run
+                return True
+        self._is_alive = bool(dynamics.is_alive(log_failure=log_failure) and self.fsw.is_alive(log_failure=log_failure))
         if not self._is_alive:
             self.record_death(self.simulator.sim_time)
         return self._is_alive
-
-    def _has_native_checks(self) -> bool:
-        """Whether the simulation makes all aliveness checks: no class, message or object changes one."""
-        dynamics, software = self.dynamics, self.fsw
-        return (
-            has_own_checks(type(dynamics))
-            and has_own_checks(type(software))
-            and not dynamics.is_overwritten
-            and "is_alive" not in vars(dynamics)
-            and "is_alive" not in vars(software)
-        )
 
     def record_death(self, time: float) -> None:
         """Keeps the time of death, s, if none is known."""
@@ -253,12 +257,18 @@ class Satellite(ABC, Resetable):
         if extra_actions is not None:
             raise NotImplementedError(sentence("extra_actions of a timed event", "act after the step that it ends"))
         self.disable_timed_terminal_event()
-        self.logger.info(f"setting timed terminal event at {t_close:.1f}")
+        if self.logger.isEnabledFor(logging.INFO):
+            self.logger.info(f"setting timed terminal event at {t_close:.1f}")
         self._timed_event = (t_close, info)
+        self._timed_number = self.simulator.next_event_number()
 
     def disable_timed_terminal_event(self) -> None:
         """Forgets the time at which the current action ends."""
         self._timed_event = None
+
+    def event_number(self, kind: str) -> int:
+        """Returns when an event of a kind was set, among all events of the episode; 0 for a search."""
+        return self._timed_number if kind in ("missed", "timed") else 0
 
     def command_selected(self) -> None:
         """Gives the action that is being set to the simulation."""
@@ -280,8 +290,9 @@ class Satellite(ABC, Resetable):
 
     def on_timed_end(self, is_missed: bool = False) -> None:
         """Notes that a timed event ended the action; `is_missed` if a target's window closed."""
-        time, info = self._timed_event or (self.simulator.log_time, "")
-        self.logger.info(f"timed termination at {time:.1f} " + info)
+        if self.logger.isEnabledFor(logging.INFO):
+            time, info = self._timed_event or (self.simulator.log_time, "")
+            self.logger.info(f"timed termination at {time:.1f} " + info)
         self.requires_retasking = True
 
     def on_dead(self) -> None:

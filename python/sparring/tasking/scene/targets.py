@@ -20,10 +20,36 @@ logger = logging.getLogger(__name__)
 class Target:
     """Target with a planet-fixed position, m, and a priority; names need not be unique."""
 
+    #: Number of changes of any target, by which observers of targets notice them.
+    changes = 0
+
     def __init__(self, name: str, r_LP_P: Iterable[float], priority: float) -> None:
         self.name = name
+        before = Target.changes
         self.r_LP_P = np.array(r_LP_P)
         self.priority = priority
+        # A new target is no change of one that is observed.
+        Target.changes = before
+
+    @property
+    def r_LP_P(self) -> Any:
+        """Position in the planet-fixed frame, m."""
+        return self._position
+
+    @r_LP_P.setter
+    def r_LP_P(self, value: Any) -> None:
+        self._position = value
+        Target.changes += 1
+
+    @property
+    def priority(self) -> Any:
+        """Value of an image of the target."""
+        return self._priority
+
+    @priority.setter
+    def priority(self, value: Any) -> None:
+        self._priority = value
+        Target.changes += 1
 
     @property
     def id(self) -> str:
@@ -79,6 +105,9 @@ class UniformTargets(Scenario):
             elevation = satellite.sat_args_generator["imageTargetMinimumElevation"]
             for target in self.targets:
                 satellite.add_location_for_access_checking(object=target, r_LP_P=target.r_LP_P, min_elev=elevation, type="target")
+
+    def visualize_target(self, target: Target) -> None:
+        """Hook that shows a target in Vizard; it does nothing."""
 
     def regenerate_targets(self) -> None:
         """Draws the targets; subclasses may draw others."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from functools import lru_cache
 
 from ..unsupported import sentence
 from ..utils.functional import aliveness_checker_names
@@ -64,6 +65,7 @@ def software_names(cls: type) -> list[str]:
     return _names(cls, _SOFTWARE, "BasicFSWModel")
 
 
+@lru_cache(maxsize=256)
 def _names(cls: type, known: tuple[str, ...], basic: str) -> list[str]:
     own = {base.__name__ for base in cls.__mro__ if is_own(base)}
     if basic not in own:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 from weakref import proxy
 
@@ -13,7 +14,7 @@ from ..utils.elements import Vector
 from ..utils.orbital import lla2ecef
 
 
-@dataclass
+@dataclass(frozen=True)
 class Planet:
     """Radius of the planet at its equator, m."""
 
@@ -27,7 +28,13 @@ class EclipseObject:
     eclipseOutMsgs: list[Message] = field(default_factory=list)
 
 
-@dataclass
+@lru_cache(maxsize=256)
+def _position(latitude_deg: float, longitude_deg: float, radius: float) -> tuple[float, ...]:
+    """Planet-fixed position of a place at a radius, m."""
+    return tuple(lla2ecef(latitude_deg, longitude_deg, radius))
+
+
+@dataclass(frozen=True)
 class GroundStation:
     """Ground station: place in degrees and m, radius of the sphere and largest range in m."""
 
@@ -43,7 +50,7 @@ class GroundStation:
     def position(self) -> Vector:
         """Position in the planet-fixed frame, m."""
         radius = self.planetRadius + self.height_m
-        return lla2ecef(self.latitude_deg, self.longitude_deg, radius)
+        return np.array(_position(self.latitude_deg, self.longitude_deg, radius))
 
     @property
     def r_LP_P_Init(self) -> list[list[float]]:

@@ -17,7 +17,7 @@ _MAX_MOMENTUM = 50.0
 _THRUSTER_X, _THRUSTER_Y, _THRUSTER_Z = 3.874945160902288e-2, 1.206182747348013, 0.85245
 
 
-@dataclass
+@dataclass(frozen=True)
 class ReactionWheel:
     """Wheel: spin axis in body axes, initial speed in rpm, momentum and torque limits in SI."""
 
@@ -39,7 +39,7 @@ class ReactionWheels:
         return len(self.rwList)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Thruster:
     """Thruster: position in m and direction of the force in body axes."""
 

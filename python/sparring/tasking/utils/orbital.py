@@ -94,7 +94,8 @@ def random_epoch(start: int = 2000, end: int = 2022) -> str:
     Days are 1 to 27, and the last hour, minute, second and millisecond never occur, as in BSK-RL.
     """
     year = np.random.randint(start, end)
-    month = np.random.choice(MONTHS)
+    # The same draw as a choice of a month, and faster.
+    month = MONTHS[np.random.randint(0, len(MONTHS))]
     day = np.random.randint(1, 28)
     hours = np.random.randint(0, 23)
     minutes = np.random.randint(0, 59)
@@ -126,6 +127,8 @@ def walker_delta(
     `altitude` is in m above 6 371 km; `inc`, `rel_phasing` and `clusterspacing`, the distance of
     neighbours in a cluster of `clustersize`, are in degrees.
     """
+    if n_spacecraft == 0:
+        return []
     per_plane = n_spacecraft / n_planes
     spacing = 360.0 / (per_plane / clustersize)
     orbits = []

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC
 from collections.abc import Iterable
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from ...utils.functional import (
 )
 from ...utils.orbital import random_orbit
 from .. import world
+from ..parameters import FixedAttribute, Parameters
 
 #: Largest rate of the random tumble at the start, rad/s.
 _MAX_TUMBLE = 0.0001
@@ -98,6 +98,8 @@ class DynamicsModelABC(ABC, Resetable):
 
 class DynamicsModel(DynamicsModelABC):
     """Orbit and attitude of a satellite."""
+
+    min_orbital_radius = FixedAttribute()
 
     @property
     def sigma_BN(self) -> list[float]:
@@ -234,7 +236,7 @@ class DynamicsModel(DynamicsModelABC):
         self.I_mat = [0.0] * 9
         self.I_mat[0::4] = [share * moment for moment in moments]
         self.min_orbital_radius = min_orbital_radius
-        hub = SimpleNamespace(
+        hub = Parameters(
             mHub=mass,
             IHubPntBc_B=self.I_mat,
             sigma_BNInit=sigma_init,
@@ -242,7 +244,7 @@ class DynamicsModel(DynamicsModelABC):
             r_CN_NInit=rN,
             v_CN_NInit=vN,
         )
-        self.scObject = SimpleNamespace(ModelTag=self.satellite.name, hub=hub, scStateOutMsg=Message(self._state, self))
+        self.scObject = Parameters(ModelTag=self.satellite.name, hub=hub, scStateOutMsg=Message(self._state, self))
 
     def _state(self) -> SCStatesMsgPayload:
         """Payload of the satellite's state."""
@@ -286,7 +288,7 @@ class DisturbanceTorqueDynModel(DynamicsModel):
     def setup_disturbance_torque(self, disturbance_vector: Iterable[float] | None = None, **kwargs: Any) -> None:
         """Sets up a constant torque in body axes, N·m; None is no torque."""
         torque = np.zeros(3) if disturbance_vector is None else disturbance_vector
-        self.extForceTorqueObject = SimpleNamespace(extTorquePntB_B=torque)
+        self.extForceTorqueObject = Parameters(extTorquePntB_B=torque)
 
 
 class AtmosphericDragDynModel(DynamicsModel):
@@ -303,4 +305,4 @@ class AtmosphericDragDynModel(DynamicsModel):
     @default_args(dragCoeff=2.2, panelArea=2 * 1.0 * 0.5)
     def setup_drag_effector(self, dragCoeff: float, panelArea: float, **kwargs: Any) -> None:
         """Sets up the drag of the body and of a panel of `panelArea` m²."""
-        self.dragEffector = SimpleNamespace(dragCoeff=dragCoeff, panelArea=panelArea)
+        self.dragEffector = Parameters(dragCoeff=dragCoeff, panelArea=panelArea)

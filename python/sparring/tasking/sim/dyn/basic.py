@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from types import SimpleNamespace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from ...messaging import Message, PowerStorageStatusMsgPayload, RWSpeedMsgPayloa
 from ...utils import actuator_primitives
 from ...utils.elements import Vector
 from ...utils.functional import aliveness_checker, default_args
+from ..parameters import FixedAttribute, Parameters
 from .base import (
     AtmosphericDragDynModel,
     DisturbanceTorqueDynModel,
@@ -35,6 +36,8 @@ def _random_charge() -> float:
 class BasicDynamicsModel(EclipseDynModel, DisturbanceTorqueDynModel, AtmosphericDragDynModel, DynamicsModel):
     """Satellite with three wheels, thrusters that desaturate them, a solar panel and a battery."""
 
+    maxWheelSpeed = FixedAttribute()
+
     @property
     def battery_charge(self) -> float:
         """Charge of the battery, W·s."""
@@ -55,7 +58,8 @@ class BasicDynamicsModel(EclipseDynModel, DisturbanceTorqueDynModel, Atmospheric
     @property
     def wheel_speeds_fraction(self) -> Vector:
         """Speeds of the wheels as shares of the failure limit."""
-        return self.wheel_speeds / (self.maxWheelSpeed * RPM_TO_RAD_S)
+        limit: float = self.maxWheelSpeed * RPM_TO_RAD_S
+        return self.wheel_speeds / limit
 
     def _setup_dynamics_objects(self, **kwargs: Any) -> None:
         super()._setup_dynamics_objects(**kwargs)
@@ -73,8 +77,7 @@ class BasicDynamicsModel(EclipseDynModel, DisturbanceTorqueDynModel, Atmospheric
         """Sets up the wheels: initial speeds and failure limit in rpm, largest torque in N·m."""
         self.maxWheelSpeed = maxWheelSpeed
         wheels, factory, _ = actuator_primitives.balancedHR16Triad(wheelSpeeds=list(wheelSpeeds))
-        for wheel in wheels.rwList.values():
-            wheel.u_max = u_max
+        wheels.rwList = {name: replace(wheel, u_max=u_max) for name, wheel in wheels.rwList.items()}
         wheels.rwSpeedOutMsg = Message(self._wheel_speeds, self)
         self.rwStateEffector, self.rwFactory = wheels, factory
 
@@ -92,12 +95,12 @@ class BasicDynamicsModel(EclipseDynModel, DisturbanceTorqueDynModel, Atmospheric
     @default_args(thrusterPowerDraw=0.0)
     def setup_thruster_power(self, thrusterPowerDraw: float, **kwargs: Any) -> None:
         """Sets up the power of desaturation, W, negative for a draw."""
-        self.thrusterPowerSink = SimpleNamespace(nodePowerOut=thrusterPowerDraw)
+        self.thrusterPowerSink = Parameters(nodePowerOut=thrusterPowerDraw)
 
     @default_args(panelArea=2 * 1.0 * 0.5, panelEfficiency=0.20, nHat_B=np.array([0, 0, -1]))
     def setup_solar_panel(self, panelArea: float, panelEfficiency: float, nHat_B: Iterable[float], **kwargs: Any) -> None:
         """Sets up the panel: area in m², efficiency, and normal in body axes."""
-        self.solarPanel = SimpleNamespace(panelArea=panelArea, panelEfficiency=panelEfficiency, nHat_B=nHat_B)
+        self.solarPanel = Parameters(panelArea=panelArea, panelEfficiency=panelEfficiency, nHat_B=nHat_B)
 
     @default_args(
         batteryStorageCapacity=80.0 * 3600.0,
@@ -109,7 +112,7 @@ class BasicDynamicsModel(EclipseDynModel, DisturbanceTorqueDynModel, Atmospheric
             self.logger.warning(
                 f"Battery initial charge {storedCharge_Init} incompatible with its capacity {batteryStorageCapacity}."
             )
-        self.powerMonitor = SimpleNamespace(
+        self.powerMonitor = Parameters(
             storageCapacity=batteryStorageCapacity,
             storedCharge_Init=storedCharge_Init,
             batPowerOutMsg=Message(self._battery, self),
@@ -134,7 +137,7 @@ class BasicDynamicsModel(EclipseDynModel, DisturbanceTorqueDynModel, Atmospheric
         """Sets up the constant power of the platform, W, negative for a draw."""
         if basePowerDraw > 0:
             self.logger.warning("basePowerDraw should probably be zero or negative.")
-        self.basePowerSink = SimpleNamespace(nodePowerOut=basePowerDraw)
+        self.basePowerSink = Parameters(nodePowerOut=basePowerDraw)
 
     @default_args(rwBasePower=0.4, rwMechToElecEfficiency=0.0, rwElecToMechEfficiency=0.5)
     def setup_reaction_wheel_power(
@@ -146,7 +149,7 @@ class BasicDynamicsModel(EclipseDynModel, DisturbanceTorqueDynModel, Atmospheric
     ) -> None:
         """Sets up the power of each wheel: constant draw in W, and efficiencies."""
         self.rwPowerList = [
-            SimpleNamespace(
+            Parameters(
                 basePowerNeed=rwBasePower,
                 mechToElecEfficiency=rwMechToElecEfficiency,
                 elecToMechEfficiency=rwElecToMechEfficiency,

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 from ...utils.functional import default_args
+from ..parameters import Parameters
 from .base import DynamicsModel
 from .imaging import GroundStationDynModel
 
@@ -20,7 +20,7 @@ class LOSCommDynModel(DynamicsModel):
     @default_args(losMaximumRange=-1.0)
     def setup_los_comms(self, losMaximumRange: float, **kwargs: Any) -> None:
         """Sets up lines of sight of at most `losMaximumRange` m; -1 is no limit."""
-        self.losComms = SimpleNamespace(maximumRange=losMaximumRange)
+        self.losComms = Parameters(maximumRange=losMaximumRange)
 
 
 class FullFeaturedDynModel(GroundStationDynModel, LOSCommDynModel):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from ...messaging import DataStorageStatusMsgPayload, Message
 from ...utils.elements import REQ_EARTH
 from ...utils.functional import aliveness_checker, default_args
 from .. import world
+from ..parameters import FixedAttribute, Parameters
 from .basic import BasicDynamicsModel
 
 #: Partition of the data that a satellite has at the start.
@@ -20,6 +20,8 @@ _INITIAL_DATA = "STORED DATA"
 
 class ImagingDynModel(BasicDynamicsModel):
     """Satellite with an instrument for targets, storage and a transmitter."""
+
+    storageUnitValidCheck = FixedAttribute()
 
     @property
     def storage_level(self) -> float:
@@ -45,7 +47,7 @@ class ImagingDynModel(BasicDynamicsModel):
     @default_args(instrumentBaudRate=8e6)
     def setup_instrument(self, instrumentBaudRate: float, **kwargs: Any) -> None:
         """Sets up the instrument; `instrumentBaudRate` is the size of an image in bits."""
-        self.instrument = SimpleNamespace(nodeBaudRate=instrumentBaudRate / self.dyn_rate)
+        self.instrument = Parameters(nodeBaudRate=instrumentBaudRate / self.dyn_rate)
 
     @default_args(transmitterBaudRate=-8e6, transmitterNumBuffers=100, transmitterPacketSize=None)
     def setup_transmitter(
@@ -63,21 +65,21 @@ class ImagingDynModel(BasicDynamicsModel):
         if transmitterBaudRate > 0:
             self.logger.warning("transmitterBaudRate should probably be negative.")
         packet = -instrumentBaudRate if transmitterPacketSize is None else transmitterPacketSize
-        self.transmitter = SimpleNamespace(nodeBaudRate=transmitterBaudRate, packetSize=packet, numBuffers=transmitterNumBuffers)
+        self.transmitter = Parameters(nodeBaudRate=transmitterBaudRate, packetSize=packet, numBuffers=transmitterNumBuffers)
 
     @default_args(instrumentPowerDraw=-30.0)
     def setup_instrument_power_sink(self, instrumentPowerDraw: float, **kwargs: Any) -> None:
         """Sets up the power of the instrument, W, negative for a draw."""
         if instrumentPowerDraw > 0:
             self.logger.warning("instrumentPowerDraw should probably be zero or negative.")
-        self.instrumentPowerSink = SimpleNamespace(nodePowerOut=instrumentPowerDraw)
+        self.instrumentPowerSink = Parameters(nodePowerOut=instrumentPowerDraw)
 
     @default_args(transmitterPowerDraw=-15.0)
     def setup_transmitter_power_sink(self, transmitterPowerDraw: float, **kwargs: Any) -> None:
         """Sets up the power of the transmitter, W, negative for a draw."""
         if transmitterPowerDraw > 0:
             self.logger.warning("transmitterPowerDraw should probably be zero or negative.")
-        self.transmitterPowerSink = SimpleNamespace(nodePowerOut=transmitterPowerDraw)
+        self.transmitterPowerSink = Parameters(nodePowerOut=transmitterPowerDraw)
 
     @default_args(dataStorageCapacity=20 * 8e6, bufferNames=None, storageUnitValidCheck=False, storageInit=0)
     def setup_storage_unit(
@@ -106,7 +108,7 @@ class ImagingDynModel(BasicDynamicsModel):
         """Adds the storage unit of a capacity in bits, with named partitions."""
         self.storageUnitValidCheck = is_checked
         self._partitions = partitions
-        self.storageUnit = SimpleNamespace(storageCapacity=int(capacity), storageUnitDataOutMsg=Message(self._storage, self))
+        self.storageUnit = Parameters(storageCapacity=int(capacity), storageUnitDataOutMsg=Message(self._storage, self))
 
     def _warn_of_storage(self, capacity: float, initial: float) -> None:
         """Warns of an initial level in bits that the storage cannot have."""
@@ -151,7 +153,7 @@ class ImagingDynModel(BasicDynamicsModel):
         **kwargs: Any,
     ) -> None:
         """Sets up access to targets: minimum elevation in rad, largest range in m (-1: none)."""
-        self.imagingTarget = SimpleNamespace(
+        self.imagingTarget = Parameters(
             planetRadius=groundLocationPlanetRadius,
             minimumElevation=imageTargetMinimumElevation,
             maximumRange=imageTargetMaximumRange,
@@ -164,7 +166,7 @@ class ContinuousImagingDynModel(ImagingDynModel):
     @default_args(instrumentBaudRate=8e6)
     def setup_instrument(self, instrumentBaudRate: float, **kwargs: Any) -> None:
         """Sets up the instrument; `instrumentBaudRate` is in bit/s."""
-        self.instrument = SimpleNamespace(nodeBaudRate=instrumentBaudRate)
+        self.instrument = Parameters(nodeBaudRate=instrumentBaudRate)
 
     @default_args(dataStorageCapacity=20 * 8e6, storageUnitValidCheck=False, storageInit=0)
     def setup_storage_unit(  # type: ignore[override]
@@ -183,7 +185,7 @@ class ContinuousImagingDynModel(ImagingDynModel):
         self, imageTargetMaximumRange: float = -1, **kwargs: Any
     ) -> None:
         """Sets up access to the ground below: largest range to the Earth's centre in m."""
-        self.imagingTarget = SimpleNamespace(
+        self.imagingTarget = Parameters(
             planetRadius=0.0,
             minimumElevation=np.radians(-90),
             maximumRange=imageTargetMaximumRange,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from ...utils.elements import Vector
 from ...utils.functional import default_args
 from .. import dyn
+from ..parameters import Parameters
 from .base import Task, call_of
 from .basic import BasicFSWModel, SteeringFSWModel
 
@@ -24,7 +24,7 @@ class ImagingFSWModel(BasicFSWModel):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         axis = self.satellite.sat_args["inst_pHat_B"]
-        self.locPoint = SimpleNamespace(pHat_B=axis)
+        self.locPoint = Parameters(pHat_B=axis)
 
     @property
     def c_hat_P(self) -> Vector:
