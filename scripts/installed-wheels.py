@@ -35,9 +35,9 @@ GOLDEN = {
     "kessler/formation": "3f2863d9cca25743",
     "kessler/rendezvous": "e5d8dc74172d4e1f",
     "kessler/survival": "c8ef29498c70b099",
-    "tasking/constellation": "2aded4c97aca9417",
-    "tasking/imaging": "d11601d3ee27d573",
-    "tasking/scanning": "cd70074a3c3e4af5",
+    "tasking/constellation": "d17a4d86d2fc5692",
+    "tasking/imaging": "e52d9018afa8f7c0",
+    "tasking/scanning": "fbd2f1f1a89dd3d2",
 }
 SETTINGS = {"tasks": ["kessler/survival"], "placement": False, "design": {"designer": "off"}, "group_size": 4}
 STEPS = 120
