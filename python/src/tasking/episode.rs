@@ -13,7 +13,7 @@ use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-use super::filter::{RaisedError, access_filter};
+use super::filter::{RaisedError, access_filter, kind_name};
 use super::journal::entry_tuple;
 use super::step::NativeTaskingStep;
 use crate::errors::invalid;
@@ -244,14 +244,6 @@ impl NativeTaskingEpisode {
 pub(super) fn read_setup_text(setup: &str) -> Result<Setup, String> {
     let value = serde_json::from_str(setup).map_err(|error| format!("`setup`: {error}"))?;
     read_setup(&value, GravityModel::Ggm10)
-}
-
-/// Name of a kind of opportunity in BSK-RL.
-pub(super) const fn kind_name(kind: OpportunityKind) -> &'static str {
-    match kind {
-        OpportunityKind::Target => "target",
-        OpportunityKind::GroundStation => "ground_station",
-    }
 }
 
 const fn opportunity_tuple(opportunity: &Opportunity) -> OpportunityTuple {

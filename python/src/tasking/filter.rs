@@ -2,11 +2,9 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use env_core::tasking::access::Opportunity;
+use env_core::tasking::access::{Opportunity, OpportunityKind};
 use env_core::tasking::simulation::access_filter::AccessFilter;
 use pyo3::prelude::*;
-
-use super::episode::kind_name;
 
 /// The first exception that a filter of an episode raised, until the call that ran the filter raises it.
 #[derive(Debug, Clone, Default)]
@@ -42,4 +40,12 @@ pub(super) fn access_filter(accepts: Py<PyAny>, raised: RaisedError) -> AccessFi
             })
         })
     })
+}
+
+/// Name of a kind of opportunity in BSK-RL.
+pub(super) const fn kind_name(kind: OpportunityKind) -> &'static str {
+    match kind {
+        OpportunityKind::Target => "target",
+        OpportunityKind::GroundStation => "ground_station",
+    }
 }
