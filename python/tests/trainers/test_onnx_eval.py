@@ -22,9 +22,11 @@ BASELINES = ("frozen", "blind_panel")
 MEASURES = ("score", "success", "skill", "lost", "fuel_used")
 KESSLER = ("kessler-heldout-v1", ["kessler/survival", "kessler/eco_station", "kessler/rendezvous"])
 DOCKING = ("docking-heldout-v1", ["docking/single"])
-#: Largest difference of a mean with continuous actions: that of an episode or two. Rounding changes an action by 1e-7, which
-#: rarely decides about a satellite. Discrete actions are equal.
-TOLERANCE = 0.02
+#: Largest difference of a mean with continuous actions, absolute or relative: that of an episode or two. Rounding, which
+#: differs from processor to processor, changes an action by 1e-7, which rarely decides about a satellite or its fuel. Discrete
+#: actions are equal.
+TOLERANCE = {"abs": 0.02, "rel": 0.005}
+EXACT = {"abs": 1e-9, "rel": 1e-9}
 #: Largest difference of most means with continuous actions.
 MEDIAN_TOLERANCE = 1e-5
 
@@ -64,7 +66,7 @@ def compare(model, file, suite, normalize=None, **environment):
     assert expected.keys() == measured.keys()
     assert len(expected) == 3 * len(tasks) * len(MEASURES)
     is_discrete = environment.get("actions") == "discrete"
-    assert measured == pytest.approx(expected, abs=1e-9 if is_discrete else TOLERANCE)
+    assert measured == pytest.approx(expected, **(EXACT if is_discrete else TOLERANCE))
     differences = [abs(measured[key] - mean) for key, mean in expected.items() if mean is not None]
     assert len(differences) >= 10
     assert statistics.median(differences) <= MEDIAN_TOLERANCE
