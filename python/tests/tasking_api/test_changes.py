@@ -146,10 +146,10 @@ def test_agents_are_checked():
     with pytest.raises(AttributeError):
         env.step([0])
     with pytest.raises(KeyError):
-        env.step({"nobody": 0})
+        env.step({"unknown": 0})
     for space in (env.observation_space, env.action_space):
         with pytest.raises(KeyError):
-            space("nobody")
+            space("unknown")
 
 
 def test_numbers_of_opportunities_are_checked(env):

@@ -8,7 +8,8 @@ from typing import Any
 
 from gymnasium import spaces
 
-from ..utils.functional import AbstractClassProperty, Resetable
+from ..utils.functional import AbstractClassProperty
+from ..utils.spec_items import SpecBuilder, SpecItem
 
 
 def select_action_builder(satellite: Any) -> ActionBuilder:
@@ -20,37 +21,18 @@ def select_action_builder(satellite: Any) -> ActionBuilder:
     return builder
 
 
-class ActionBuilder(ABC, Resetable):
+class ActionBuilder(ABC, SpecBuilder):
     """Actions of one satellite."""
 
     def __init__(self, satellite: Any) -> None:
-        self.satellite = satellite
-        self.simulator: Any
+        super().__init__(satellite)
         self.action_spec: list[Any] = deepcopy(satellite.action_spec)
         for item in self.action_spec:
             item.link_satellite(satellite)
 
-    def reset_overwrite_previous(self) -> None:
-        """Passes the reset to each action."""
-        for item in self.action_spec:
-            item.reset_overwrite_previous()
-
-    def reset_pre_sim_init(self) -> None:
-        """Passes the reset to each action."""
-        for item in self.action_spec:
-            item.reset_pre_sim_init()
-
-    def reset_during_sim_init(self) -> None:
-        """Passes the reset to each action."""
-        for item in self.action_spec:
-            item.reset_during_sim_init()
-
-    def reset_post_sim_init(self) -> None:
-        """Passes the reset and the simulator to each action."""
-        self.simulator = self.satellite.simulator
-        for item in self.action_spec:
-            item.link_simulator(self.simulator)
-            item.reset_post_sim_init()
+    def items(self) -> list[Any]:
+        """Returns the actions in the order of the spec."""
+        return self.action_spec
 
     @property
     @abstractmethod
@@ -67,23 +49,13 @@ class ActionBuilder(ABC, Resetable):
         """Gives an action to the satellite."""
 
 
-class Action(ABC, Resetable):
+class Action(ABC, SpecItem):
     """Base of the items of `action_spec`."""
 
     builder_type: Any = AbstractClassProperty()
 
     def __init__(self, name: str = "act") -> None:
-        self.name = name
-        self.satellite: Any
-        self.simulator: Any
-
-    def link_satellite(self, satellite: Any) -> None:
-        """Links the action to its satellite."""
-        self.satellite = satellite
-
-    def link_simulator(self, simulator: Any) -> None:
-        """Links the action to the simulator of the episode."""
-        self.simulator = simulator
+        super().__init__(name)
 
     @abstractmethod
     def set_action(self, action: Any, prev_action_key: str | None = None) -> Any:

@@ -17,7 +17,8 @@ from gymnasium import spaces
 from ..scene.targets import Target
 from ..utils.eclipses import NO_ECLIPSE, warn_of_no_eclipse
 from ..utils.errors import no_opportunity
-from ..utils.functional import Resetable, vectorize_nested_dict
+from ..utils.functional import vectorize_nested_dict
+from ..utils.spec_items import SpecBuilder
 from .observations import Eclipse, Plan, Time, as_number
 
 _LIMIT = 1e16
@@ -38,14 +39,13 @@ def nested_obs_to_space(value: Any, dtype: Any) -> spaces.Space[Any]:
     return spaces.Box(low=-_LIMIT, high=_LIMIT, shape=shape, dtype=dtype)
 
 
-class ObservationBuilder(Resetable):
+class ObservationBuilder(SpecBuilder):
     """Observation of one satellite, as an array, dictionary or list."""
 
     def __init__(self, satellite: Any, obs_type: type = np.ndarray, dtype: Any = np.float64) -> None:
+        super().__init__(satellite)
         self.obs_type = obs_type
         self.dtype = dtype
-        self.satellite = satellite
-        self.simulator: Any
         self._vector_cache: Any = None
         self.obs_dict_cache = None
         self.obs_cache_time = 0.0
@@ -73,28 +73,14 @@ class ObservationBuilder(Resetable):
         self._obs_dict_cache = value
         self._vector_cache = None
 
-    def reset_overwrite_previous(self) -> None:
-        """Passes the reset to each observation."""
-        for item in self.observation_spec:
-            item.reset_overwrite_previous()
-
-    def reset_pre_sim_init(self) -> None:
-        """Passes the reset to each observation."""
-        for item in self.observation_spec:
-            item.reset_pre_sim_init()
-
-    def reset_during_sim_init(self) -> None:
-        """Passes the reset to each observation."""
-        for item in self.observation_spec:
-            item.reset_during_sim_init()
+    def items(self) -> list[Any]:
+        """Returns the observations in the order of the spec."""
+        return self.observation_spec
 
     def reset_post_sim_init(self) -> None:
-        """Passes the reset and the simulator to each observation."""
-        self.simulator = self.satellite.simulator
+        """Forgets the cached observation, and passes the simulator and the reset to each observation."""
         self.obs_dict_cache = None
-        for item in self.observation_spec:
-            item.link_simulator(self.simulator)
-            item.reset_post_sim_init()
+        super().reset_post_sim_init()
 
     def native_items(self) -> list[dict[str, Any]]:
         """Returns the items that the simulation observes, and plans how to assemble the rest."""

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..utils.functional import Resetable
+from ..utils.spec_items import SpecItem
 
 #: Description of an item for the simulation.
 NativeItem = dict[str, Any]
@@ -21,21 +21,11 @@ def as_number(norm: Any) -> float | None:
     return float(norm) if norm != 0 and math.isfinite(norm) else None
 
 
-class Observation(ABC, Resetable):
+class Observation(ABC, SpecItem):
     """Base of the items of `observation_spec`."""
 
     def __init__(self, name: str = "obs") -> None:
-        self.name = name
-        self.satellite: Any
-        self.simulator: Any
-
-    def link_satellite(self, satellite: Any) -> None:
-        """Links the observation to its satellite."""
-        self.satellite = satellite
-
-    def link_simulator(self, simulator: Any) -> None:
-        """Links the observation to the simulator of the episode."""
-        self.simulator = simulator
+        super().__init__(name)
 
     @abstractmethod
     def get_obs(self) -> Any:
