@@ -85,7 +85,8 @@ impl SearchedTrajectory {
     }
 
     /// Nodes of the trajectory, two samples apart, and the paths between them.
-    pub(super) const fn track(&self) -> &GroundTrack {
+    #[must_use]
+    pub const fn track(&self) -> &GroundTrack {
         &self.track
     }
 

@@ -157,6 +157,25 @@ impl Desaturation {
     }
 }
 
+/// Impulse on the body of the first `pulses` pulses of a desaturation with the wheels at these speeds, N·m·s, for ticks of 1 s.
+pub(crate) fn planned_impulse(
+    wheels_rad_s: &Vector3<f64>,
+    settings: &DesaturationSettings,
+    pulses: u32,
+) -> Vector3<f64> {
+    /// Share of a pulse's impulse that its first stage of RK4 delivers.
+    const FIRST_STAGE: f64 = 1.0 / 6.0;
+    let request = Request::new(wheels_rad_s, settings);
+    let share = if settings.full_thrust { 1.0 } else { FIRST_STAGE };
+    let mut impulse = [0.0; 3];
+    for (arm, remaining_s) in GEOMETRY.arms.iter().zip(request.remaining_s) {
+        let fired_s = remaining_s.min(f64::from(pulses));
+        let fired_s = if settings.full_thrust { fired_s } else { fired_s.trunc() };
+        impulse = add(&impulse, &scale(arm, THRUST_N * share * fired_s));
+    }
+    impulse
+}
+
 impl Request {
     /// Times for which the thrusters must fire to remove the wheels' momentum, with the least forces (`thrForceMapping`).
     fn new(wheels_rad_s: &Vector3<f64>, settings: &DesaturationSettings) -> Self {

@@ -120,6 +120,19 @@ impl TaskedSatellite {
         }
     }
 
+    /// Takes over the state of a copy of the same satellite, without its orbit and its stations, which both have.
+    pub(crate) const fn copy_state_from(&mut self, other: &Self) {
+        self.state = other.state;
+        self.software = other.software;
+        self.desaturation = other.desaturation;
+        self.transmitter = other.transmitter;
+        self.initial_stored = other.initial_stored;
+        self.last_control = other.last_control;
+        self.commanded_at = other.commanded_at;
+        self.awaited_bits = other.awaited_bits;
+        self.cache = other.cache;
+    }
+
     /// Name of the satellite.
     #[must_use]
     pub fn name(&self) -> &str {
@@ -272,7 +285,8 @@ impl TaskedSatellite {
         &mut self.orbit
     }
 
-    const fn desaturation_settings(&self) -> DesaturationSettings {
+    /// Settings of the desaturation of the wheels.
+    pub(crate) const fn desaturation_settings(&self) -> DesaturationSettings {
         let args = &self.spec.args;
         DesaturationSettings {
             min_momentum: args.desat_min_momentum,

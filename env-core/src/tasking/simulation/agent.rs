@@ -6,7 +6,9 @@ use super::target_set::TargetSet;
 use std::sync::Arc;
 
 use crate::tasking::access::trajectory::MIN_DURATION_S;
-use crate::tasking::access::{Locations, Opportunity, OpportunityKind, OpportunityList, SearchedTrajectory};
+use crate::tasking::access::{
+    GroundTrack, Locations, Opportunity, OpportunityKind, OpportunityList, SearchedTrajectory,
+};
 use crate::tasking::error::TaskingError;
 use crate::tasking::observation::eclipse::EclipseForecast;
 use crate::tasking::orbit::{OrbitalElements, Sky};
@@ -124,6 +126,11 @@ impl Agent {
     /// Name of the satellite.
     pub(super) fn name(&self) -> &str {
         self.satellite.name()
+    }
+
+    /// The trajectory that is searched for windows.
+    pub(super) const fn search_track(&self) -> &GroundTrack {
+        self.trajectory.track()
     }
 
     /// Deletes the events of the satellite, as BSK-RL does when it dies; those of later actions count.

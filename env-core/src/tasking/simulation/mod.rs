@@ -7,6 +7,7 @@ pub mod access_filter;
 pub mod actions;
 mod agent;
 pub mod communication;
+mod drive;
 mod events;
 pub mod forks;
 pub mod journal;
@@ -14,6 +15,7 @@ pub mod observe;
 mod queries;
 mod rewards;
 pub mod run;
+mod scratch;
 pub mod step;
 pub mod target_set;
 
@@ -31,6 +33,7 @@ use super::setup::environment::{
 };
 
 pub use self::actions::AgentAction;
+pub(crate) use self::drive::{DrivenEpisodes, drive};
 pub use self::run::{RunSet, run_all, run_one};
 pub use self::step::{StepResult, step_all};
 

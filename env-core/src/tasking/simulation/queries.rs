@@ -2,12 +2,14 @@
 
 use super::TaskingSim;
 use super::access_filter::AccessFilter;
-use crate::tasking::access::{Opportunity, OpportunityKind};
+use crate::tasking::access::{GroundTrack, Opportunity, OpportunityKind};
 use crate::tasking::error::TaskingError;
 use crate::tasking::observation::eclipse::NO_ECLIPSE;
 use crate::tasking::observation::opportunity::angle_to;
 use crate::tasking::observation::view::Moment;
+use crate::tasking::orbit::Sky;
 use crate::tasking::satellite::eclipse::illumination;
+use crate::tasking::setup::environment::Links;
 use crate::tasking::vector3::{Matrix3, Vector3, rotate};
 
 impl TaskingSim {
@@ -17,6 +19,39 @@ impl TaskingSim {
         self.tolerates_missing = true;
         let limit_s = self.time_limit_s();
         self.agents.iter_mut().for_each(|agent| agent.eclipses.search_first_to(limit_s));
+    }
+
+    /// The sky of the episode.
+    pub(crate) const fn sky(&self) -> &Sky {
+        &self.sky
+    }
+
+    /// True if satellites can learn from others which targets are imaged.
+    pub(crate) fn shares_images(&self) -> bool {
+        self.setup.communicator.links != Links::None
+    }
+
+    /// Lets a satellite know that a target is imaged, as if another one had told it.
+    pub(crate) fn learn_image(&mut self, index: usize, target: usize) {
+        self.agents[index].imaged.insert(target);
+    }
+
+    /// Planet-fixed path of a satellite as searched for windows, which differs from the true one by some tens of metres.
+    pub(crate) fn search_track(&self, index: usize) -> &GroundTrack {
+        self.agents[index].search_track()
+    }
+
+    /// Computes the windows of the ground stations that satellites transmit to up to the time limit, so that copies of the episode
+    /// share them.
+    pub(crate) fn compute_station_windows(&mut self) {
+        /// Time beyond the limit for which transmitters look ahead, s.
+        const LOOK_AHEAD_S: f64 = 660.0;
+        let until_s = self.time_limit_s() + LOOK_AHEAD_S;
+        if until_s.is_finite() {
+            for agent in &mut self.agents {
+                agent.satellite.stations_to(until_s, &mut self.sky);
+            }
+        }
     }
 
     /// Sets a further condition on the opportunities of a satellite, or removes it.

@@ -22,6 +22,11 @@ pub trait RunSet {
     fn is_empty(&self) -> bool {
         self.len() == 0
     }
+
+    /// Begins the next step of an episode whose step has ended. Returns false if the episode runs no further ticks.
+    fn begin_next_step(&mut self, _index: usize) -> bool {
+        false
+    }
 }
 
 impl RunSet for [&mut TaskingSim] {
@@ -119,9 +124,15 @@ where
             if slot.pending < slot.due && !has_image {
                 return true;
             }
-            let goes_on = lanes.advance(slot, episodes.episode(slot.episode));
-            if !goes_on {
-                free.push(slot.first_lane);
+            let EpisodeLanes { episode, first_lane, .. } = *slot;
+            if lanes.advance(slot, episodes.episode(episode)) {
+                return true;
+            }
+            let goes_on = episodes.begin_next_step(episode);
+            if goes_on {
+                *slot = lanes.load(episode, episodes.episode(episode), first_lane);
+            } else {
+                free.push(first_lane);
             }
             goes_on
         });

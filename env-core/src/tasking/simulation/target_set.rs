@@ -1,9 +1,20 @@
 //! Sets of targets, one bit a target.
 
 /// A set of targets.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, PartialEq, Eq, Default)]
 pub struct TargetSet {
     words: Vec<u64>,
+}
+
+impl Clone for TargetSet {
+    fn clone(&self) -> Self {
+        Self { words: self.words.clone() }
+    }
+
+    /// Keeps the memory of the set.
+    fn clone_from(&mut self, source: &Self) {
+        self.words.clone_from(&source.words);
+    }
 }
 
 impl TargetSet {
