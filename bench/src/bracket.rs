@@ -22,12 +22,15 @@ impl BracketCase {
     }
 }
 
-const CASES: [BracketCase; 5] = [
+const CASES: [BracketCase; 8] = [
     BracketCase::new("kessler/survival", &[("debris", 50.0)], 0.5),
     BracketCase::new("kessler/survival", &[("debris", 50.0), ("spread", 1.0), ("fuel", 20.0)], 0.5),
     BracketCase::new("kessler/eco_station", &[("debris", 50.0)], 0.5),
     BracketCase::new("kessler/rendezvous", &[("debris", 50.0)], 5.0),
     BracketCase::new("docking/multiagent", &[("deputies", 3.0)], 5.0),
+    BracketCase::new("tasking/scanning", &[("battery_wh", 200.0)], 40.0),
+    BracketCase::new("tasking/imaging", &[("targets", 1250.0)], 100.0),
+    BracketCase::new("tasking/constellation", &[("satellites", 3.0)], 100.0),
 ];
 
 /// Cases with `risk: pc`, where every passage of every body counts: easy ones, and the hardest that the API accepts.
@@ -42,7 +45,11 @@ const PC_SCENARIOS: u64 = 5;
 pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
     let mut rows = Vec::new();
     for case in &CASES {
-        let scenarios = if case.goal_ms > 1.0 { SCENARIOS / 10 } else { SCENARIOS };
+        let scenarios = match case.goal_ms {
+            10.0.. => SCENARIOS / 100,
+            1.0.. => SCENARIOS / 10,
+            _ => SCENARIOS,
+        };
         rows.push(measure_case(case, scenarios, None)?);
     }
     for case in &PC_CASES {

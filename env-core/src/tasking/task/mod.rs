@@ -11,6 +11,7 @@ mod episode;
 mod lane;
 pub mod map;
 pub mod motion;
+mod planner;
 mod policies;
 mod replay;
 mod rounding;

@@ -34,7 +34,7 @@ pub(super) static TASKING_POLICIES: [PolicySpec; 6] = [
     },
     PolicySpec {
         name: "heuristic",
-        description: "charges in sunlight below 40 %, or below 20 % if the next eclipse is far, desaturates above 70 % of the wheels' limit, downlinks above 60 % of the \
+        description: "charges in sunlight below 40 %, or below 20 % if the next eclipse is far, desaturates above 15 % of the wheels' limit, downlinks above 30 % of the \
                       storage in view of a station, and else scans or images the most valuable target",
         stochastic: false,
     },

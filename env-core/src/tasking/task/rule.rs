@@ -8,8 +8,12 @@ use crate::seed::Seed;
 /// Number of parameters of the rule.
 const LEN: usize = 5;
 
-/// Time in which a satellite turns to a target of any direction, s.
-const TURN_S: f64 = 60.0;
+/// Time of an image without a turn, s.
+const IMAGE_S: f64 = 37.0;
+/// Time that a turn takes for each degree, s.
+const TURN_S_PER_DEG: f64 = 0.34;
+/// Share of its worth that a target keeps whose window is likely to close before the image.
+const CLOSING_WORTH: f64 = 0.05;
 
 /// A rule by thresholds.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,7 +26,7 @@ pub(super) struct TaskingRule {
     pub desaturate_above: f64,
     /// Data above which the satellite downlinks in view of a station, as a share of the storage.
     pub downlink_above: f64,
-    /// Time by which a later opening of a target's window halves its worth, s.
+    /// Time until the image of a target that halves its worth, s.
     pub patience_s: f64,
 }
 
@@ -34,10 +38,10 @@ impl TaskingRule {
     /// The rule of the policy `heuristic`.
     pub(super) const HEURISTIC: Self = Self {
         charge_below: 0.4,
-        eclipse_within_s: 2000.0,
-        desaturate_above: 0.7,
-        downlink_above: 0.6,
-        patience_s: 120.0,
+        eclipse_within_s: 1200.0,
+        desaturate_above: 0.15,
+        downlink_above: 0.3,
+        patience_s: 15.0,
     };
 
     /// Creates the rule from parameters in [0, 1]; missing ones are ½.
@@ -95,9 +99,9 @@ impl TaskingRule {
     /// Index of the target that is worth most.
     fn best_target(&self, targets: &[TargetTelemetry]) -> usize {
         let worth = |target: &TargetTelemetry| {
-            let wait = target.open_s.max(0.0);
-            let reachable = if target.close_s > TURN_S { 1.0 } else { 0.2 };
-            target.priority * reachable / (1.0 + wait / self.patience_s)
+            let duration_s = (IMAGE_S + TURN_S_PER_DEG * target.angle_deg).max(target.open_s);
+            let reachable = if target.close_s > duration_s { 1.0 } else { CLOSING_WORTH };
+            target.priority * reachable / (1.0 + duration_s / self.patience_s)
         };
         let worths = targets.iter().map(worth).enumerate();
         worths

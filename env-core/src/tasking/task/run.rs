@@ -80,6 +80,30 @@ impl TaskRun {
         })
     }
 
+    /// Takes over the state of another copy of the same episode.
+    pub(super) fn copy_state_from(&mut self, other: &Self) {
+        self.sim.copy_state_from(&other.sim);
+        self.dead.clone_from(&other.dead);
+        self.total = other.total;
+        self.is_truncated = other.is_truncated;
+        self.current.clone_from(&other.current);
+        self.last.clone_from(&other.last);
+    }
+
+    /// A copy of the episode with one of its satellites only, for whose actions the others do not matter.
+    pub(super) fn only(&self, agent: usize) -> Self {
+        Self {
+            setup: self.setup,
+            sim: self.sim.only(agent),
+            value_in_view: self.value_in_view,
+            dead: vec![self.dead[agent]],
+            total: 0.0,
+            is_truncated: self.is_truncated,
+            current: vec![self.current[agent]],
+            last: LastStep { rewards: vec![0.0], were_alive: vec![!self.dead[agent]], ..LastStep::default() },
+        }
+    }
+
     /// True if the episode is over.
     pub(super) fn is_done(&self) -> bool {
         self.is_truncated || self.dead.iter().all(|dead| *dead)
