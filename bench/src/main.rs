@@ -45,6 +45,12 @@ struct Args {
     /// Duration of `soak`, `crash`, `crash-tasking` and `load`, in minutes
     #[arg(long, default_value_t = 10)]
     minutes: u32,
+    /// Prefix of the names of the tasks that `levels` measures; default: all tasks
+    #[arg(long, default_value = "")]
+    task: String,
+    /// First seed of the scenarios of `levels`
+    #[arg(long, default_value_t = levels::FIRST_SEED)]
+    first_seed: u64,
     /// Number of episodes that `growth` reports
     #[arg(long, default_value_t = 10_000_000)]
     episodes: u64,
@@ -136,7 +142,7 @@ fn main() -> anyhow::Result<()> {
         ("growth", &|| growth::measure(args.episodes, args.group_size)),
         ("soak", &|| soak::measure(args.minutes)),
         ("learner", &designer::learner::measure),
-        ("levels", &levels::measure),
+        ("levels", &|| levels::measure(&args.task, args.first_seed)),
     ];
     let is_named = |name: &str| args.benchmarks.iter().any(|benchmark| benchmark == name);
     let all = all.into_iter().filter(|(name, _)| args.benchmarks.is_empty() || is_named(name));

@@ -276,31 +276,31 @@ pub(super) static CONSTELLATION_OPTIONS: [OptionSpec; 5] =
     [GRAVITY, THRUSTERS, RETASKING, TARGET_PLACES, COMMUNICATION];
 
 const CHARGES_MIN: [f64; 10] = [0.6, 0.5, 0.4, 0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.3];
-const SCANNER_CHARGES: [f64; 10] = [1.0, 1.0, 1.0, 1.0, 0.9, 0.8, 0.75, 0.75, 0.75, 0.75];
+const SCANNER_CHARGES: [f64; 10] = [1.0, 1.0, 1.0, 1.0, 0.9, 0.8, 0.75, 0.75, 0.7, 0.65];
 const IMAGER_CHARGES: [f64; 10] = [1.0, 1.0, 1.0, 1.0, 0.9, 0.8, 0.7, 0.65, 0.65, 0.65];
-const IMAGER_BATTERIES: [f64; 10] = [1000.0, 1000.0, 400.0, 200.0, 150.0, 100.0, 80.0, 75.0, 70.0, 65.0];
+const IMAGER_BATTERIES: [f64; 10] = [1000.0, 1000.0, 400.0, 200.0, 150.0, 100.0, 80.0, 75.0, 72.0, 67.0];
 
 /// Default levels of `tasking/scanning`; level 3 is the environment of the paper.
 pub(super) static SCANNING_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
     Levels::from_table(
         &SCANNING_SPACE,
         &[
-            ("battery_wh", [400.0, 300.0, 200.0, 200.0, 150.0, 100.0, 95.0, 90.0, 85.0, 80.0]),
+            ("battery_wh", [400.0, 300.0, 200.0, 200.0, 150.0, 100.0, 95.0, 85.0, 75.0, 67.0]),
             ("charge_min", CHARGES_MIN),
             ("charge_max", SCANNER_CHARGES),
             ("panel_m2", [0.5, 0.35, 0.3, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25]),
-            ("storage_gbit", [40.0, 40.0, 40.0, 40.0, 30.0, 20.0, 18.0, 16.0, 14.0, 12.0]),
+            ("storage_gbit", [40.0, 40.0, 40.0, 40.0, 30.0, 20.0, 18.0, 15.0, 12.0, 10.0]),
             ("storage_fill", [0.2, 0.4, 0.6, 0.8, 0.8, 0.8, 0.8, 0.8, 0.8, 0.8]),
             ("wheel_rpm", [1000.0, 2000.0, 3000.0, 3000.0, 3500.0, 4000.0, 4000.0, 4000.0, 4000.0, 4000.0]),
             ("disturbance_mnm", [0.1, 0.1, 0.1, 0.1, 0.1, 0.2, 0.2, 0.25, 0.25, 0.3]),
-            ("stations", [7.0, 7.0, 7.0, 7.0, 7.0, 6.0, 6.0, 5.0, 5.0, 4.0]),
+            ("stations", [7.0, 7.0, 7.0, 7.0, 7.0, 6.0, 6.0, 5.0, 5.0, 5.0]),
         ],
     )
 });
 
 /// Columns of the levels that imaging and constellations share.
-const IMAGER_LEVELS: [(&str, [f64; 10]); 9] = [
-    ("targets", [2500.0, 2500.0, 2500.0, 2500.0, 2500.0, 3000.0, 3000.0, 3500.0, 4000.0, 5000.0]),
+const IMAGER_LEVELS: [(&str, [f64; 10]); 8] = [
+    ("targets", [5000.0, 5000.0, 4500.0, 4500.0, 4000.0, 4000.0, 4000.0, 4000.0, 4000.0, 5000.0]),
     ("priority_power", [1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 3.0, 4.0]),
     ("omega_max_rad_s", [0.087, 0.087, 0.087, 0.087, 0.07, 0.06, 0.05, 0.045, 0.04, 0.035]),
     ("u_max_n_m", [0.4, 0.4, 0.4, 0.3, 0.3, 0.2, 0.2, 0.18, 0.16, 0.15]),
@@ -308,18 +308,20 @@ const IMAGER_LEVELS: [(&str, [f64; 10]); 9] = [
     ("battery_wh", IMAGER_BATTERIES),
     ("charge_min", CHARGES_MIN),
     ("charge_max", IMAGER_CHARGES),
-    ("panel_m2", [0.5, 0.35, 0.3, 0.25, 0.25, 0.25, 0.25, 0.25, 0.24, 0.24]),
 ];
 
 /// Default levels of `tasking/imaging`.
-pub(super) static IMAGING_LEVELS: LazyLock<Levels> =
-    LazyLock::new(|| Levels::from_table(&IMAGING_SPACE, &IMAGER_LEVELS));
+pub(super) static IMAGING_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
+    let own = [("panel_m2", [0.5, 0.35, 0.3, 0.25, 0.25, 0.25, 0.25, 0.25, 0.24, 0.24])];
+    Levels::from_table(&IMAGING_SPACE, &[&own[..], &IMAGER_LEVELS].concat())
+});
 
 /// Default levels of `tasking/constellation`.
 pub(super) static CONSTELLATION_LEVELS: LazyLock<Levels> = LazyLock::new(|| {
     let own = [
         ("satellites", [2.0, 3.0, 3.0, 4.0, 4.0, 5.0, 6.0, 6.0, 8.0, 8.0]),
         ("spacing_deg", [40.0, 30.0, 20.0, 20.0, 15.0, 10.0, 10.0, 5.0, 5.0, 5.0]),
+        ("panel_m2", [0.5, 0.35, 0.3, 0.25, 0.25, 0.25, 0.25, 0.24, 0.23, 0.21]),
     ];
     Levels::from_table(&CONSTELLATION_SPACE, &[&own[..], &IMAGER_LEVELS].concat())
 });
