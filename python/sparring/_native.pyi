@@ -282,7 +282,7 @@ class NativeTaskingEpisode:
         Starts an episode from a set-up in the format of the recordings of BSK-RL, as JSON. With `journal`, the episode records what
         happens to its satellites.
         """
-    def compute_opportunities(self, /, satellite: SupportsIndex, until: SupportsFloat | SupportsIndex) -> None:
+    def compute_opportunities(self, /, satellite: SupportsIndex, duration: SupportsFloat | SupportsIndex) -> None:
         """
         Computes the opportunities of a satellite up to a time, s.
         """

@@ -162,10 +162,10 @@ impl NativeTaskingEpisode {
         Ok(self.sim.opportunities(satellite).computed_s())
     }
 
-    /// Computes the opportunities of a satellite up to a time, s.
-    fn compute_opportunities(&mut self, satellite: usize, until: f64) -> PyResult<()> {
+    /// Computes the opportunities of a satellite for `duration` seconds more, to the end of a block.
+    fn compute_opportunities(&mut self, satellite: usize, duration: f64) -> PyResult<()> {
         self.check(satellite)?;
-        let result = self.sim.compute_opportunities(satellite, until);
+        let result = self.sim.compute_more_opportunities(satellite, duration);
         result.map_err(|error| PyValueError::new_err(error.to_string()))
     }
 

@@ -203,6 +203,18 @@ def windows_computed_ahead(seed):
     return fly(constellation(GeneralSatelliteTasking, imagers(1, Watcher)), seed, 6)
 
 
+def windows_of_many_blocks(seed):
+    """Computes windows of several blocks in one search."""
+    found = []
+    for episode in range(seed, seed + 8):
+        env = constellation(GeneralSatelliteTasking, imagers(1), targets=300)
+        env.reset(seed=episode)
+        satellite = env.satellites[0]
+        satellite.calculate_additional_windows(12000.0)
+        found.append([[str(item["object"]), *item["window"]] for item in satellite.opportunities])
+    return found
+
+
 def storage_with_a_negative_level(seed):
     env = constellation(GeneralSatelliteTasking, imagers(1, storageInit=-1))
     env.reset(seed=seed)
@@ -219,5 +231,6 @@ PROGRAMS = [
     types_of_results,
     actions_in_lists,
     windows_computed_ahead,
+    windows_of_many_blocks,
     storage_with_a_negative_level,
 ]

@@ -3,9 +3,10 @@
 //! Near is a distance that depends on the minimum elevation only. A run begins with the sample before the first one that is near, and
 //! ends with the sample after the last one, unless the block ends there.
 
-use super::finder::{HALF_ARC_RAD, Locations};
+use super::finder::HALF_ARC_RAD;
+use super::locations::Locations;
 use super::trajectory::{SAMPLES_PER_ARC, SampleRange, SearchedTrajectory};
-use crate::tasking::vector3::{Vector3, norm, sub};
+use crate::tasking::vector3::{Vector3, dot, norm, sub};
 
 /// Factor of the distance within which BSK-RL searches for a window.
 const NEAR_FACTOR: f64 = 1.1;
@@ -68,14 +69,18 @@ impl<'a> CandidateSearch<'a> {
         Self { locations, samples, block, highest_m, lowest_m, runs, found: Vec::new() }
     }
 
-    /// Distance within which a sample is near a location, m. It is infinite at a minimum elevation of 0, and negative below.
-    fn near_m(&self, location: usize) -> f64 {
-        NEAR_FACTOR * (self.highest_m - self.locations.radii_m()[location]) / self.locations.sine(location)
+    /// Square of the distance within which a sample is near a location, m². The distance is infinite at a minimum elevation of 0, and
+    /// negative below, where no sample is near.
+    fn near_square(&self, location: usize) -> f64 {
+        let above_m = self.highest_m - self.locations.radii_m()[location];
+        let distance = NEAR_FACTOR * above_m / self.locations.sine(location);
+        distance * distance.max(0.0)
     }
 
     /// Cosine of the largest central angle at a sample from which this one or the next is near a location.
     fn cosine_threshold(&self) -> f64 {
-        let largest = (0..self.locations.len()).map(|location| self.near_m(location)).fold(0.0, f64::max);
+        let squares = (0..self.locations.len()).map(|location| self.near_square(location));
+        let largest = squares.fold(0.0, f64::max).sqrt();
         let radii = self.locations.radii_m();
         let lowest = radii.iter().copied().fold(self.lowest_m, f64::min);
         let gap = (self.lowest_m - radii.iter().copied().fold(0.0, f64::max)).max(0.0);
@@ -94,10 +99,10 @@ impl<'a> CandidateSearch<'a> {
             self.locations.find_near(&node.position, threshold, &mut near);
             let start = SAMPLES_PER_ARC * arc;
             for &location in &near {
-                let near_m = self.near_m(location);
+                let near_square = self.near_square(location);
                 for sample in start.max(first)..=(start + SAMPLES_PER_ARC - 1).min(last) {
                     let away = sub(&self.samples[sample], self.locations.position(location));
-                    if norm(&away) < near_m {
+                    if dot(&away, &away) < near_square {
                         self.add(location, sample);
                     }
                 }

@@ -2,7 +2,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use super::finder::Locations;
+use super::locations::Locations;
 use super::spline::UniformSpline;
 use crate::tasking::vector3::{Vector3, dot, norm, sub};
 

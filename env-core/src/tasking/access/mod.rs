@@ -5,6 +5,7 @@ pub mod candidates;
 mod elevation_curve;
 pub mod finder;
 pub mod ground_track;
+pub mod locations;
 mod minimum;
 pub mod opportunities;
 mod quick_search;
@@ -14,7 +15,8 @@ mod spline;
 pub mod trajectory;
 pub mod window_search;
 
-pub use self::finder::{AccessLimit, AccessWindow, LocationSet, Locations};
+pub use self::finder::{AccessWindow, LocationSet};
 pub use self::ground_track::GroundTrack;
+pub use self::locations::{AccessLimit, Locations};
 pub use self::opportunities::{Opportunity, OpportunityKind, OpportunityList};
 pub use self::trajectory::SearchedTrajectory;

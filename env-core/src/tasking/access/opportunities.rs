@@ -5,7 +5,8 @@
 //!
 //! The windows of a block are those of [`WindowSearch`], between its first and its last sample of the trajectory.
 
-use super::finder::{AccessWindow, Locations};
+use super::finder::AccessWindow;
+use super::locations::Locations;
 use super::trajectory::SearchedTrajectory;
 use super::window_search::WindowSearch;
 

@@ -6,7 +6,7 @@
 
 use super::arc_search::{ArcSearch, ElevationExcess};
 use super::candidates::{Candidate, Crossings};
-use super::finder::Locations;
+use super::locations::Locations;
 use super::minimum::{GROWTH, TOLERANCE};
 use super::trajectory::{SAMPLE_S, SAMPLE_TICK, SAMPLES_PER_ARC, SampleRange, SearchedTrajectory};
 use crate::tasking::vector3::{Vector3, dot, norm, sub};

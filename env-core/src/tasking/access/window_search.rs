@@ -13,7 +13,8 @@
 
 use super::candidates::{Candidate, Crossings, find_candidates};
 use super::elevation_curve::ElevationCurve;
-use super::finder::{AccessWindow, Locations};
+use super::finder::AccessWindow;
+use super::locations::Locations;
 use super::minimum::minimise;
 use super::quick_search::QuickSearch;
 use super::root::find_root;

@@ -155,8 +155,8 @@ impl Agent {
         Ok(())
     }
 
-    /// Computes opportunities for `duration_s` more.
-    fn compute_block(&mut self, duration_s: f64, sky: &mut Sky) -> Result<(), TaskingError> {
+    /// Computes opportunities for `duration_s` more, to the end of a block.
+    pub(super) fn compute_block(&mut self, duration_s: f64, sky: &mut Sky) -> Result<(), TaskingError> {
         let times = self.generation()?;
         let from_s = self.opportunities.computed_s();
         let Some(end_s) = self.opportunities.next_block_end(duration_s, times.block_s) else {

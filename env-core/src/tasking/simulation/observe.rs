@@ -51,21 +51,23 @@ impl TaskingSim {
         }
     }
 
-    /// Computes the opportunities of a satellite until they reach a time, s.
+    /// Computes the opportunities of a satellite until they reach a time, s, block by block.
     ///
     /// # Errors
     /// Returns [`TaskingError::Composition`] if it knows no opportunities, and [`TaskingError::InvalidArgument`] if the time is not
     /// within [`MAX_TIME_S`].
     pub fn compute_opportunities(&mut self, index: usize, until_s: f64) -> Result<(), TaskingError> {
-        if !(0.0..=MAX_TIME_S).contains(&until_s) {
-            let requirement = format!("must be from 0 to {MAX_TIME_S} s");
-            return Err(TaskingError::InvalidArgument {
-                name: "time".to_owned(),
-                requirement,
-                value: until_s.to_string(),
-            });
-        }
+        check_time(until_s)?;
         self.agents[index].compute_to(until_s, &mut self.sky)
+    }
+
+    /// Computes the opportunities of a satellite for `duration_s` more in one search, to the end of a block.
+    ///
+    /// # Errors
+    /// Those of [`Self::compute_opportunities`].
+    pub fn compute_more_opportunities(&mut self, index: usize, duration_s: f64) -> Result<(), TaskingError> {
+        check_time(self.agents[index].opportunities.computed_s() + duration_s)?;
+        self.agents[index].compute_block(duration_s, &mut self.sky)
     }
 
     /// Names of the values of a satellite's observation.
@@ -168,4 +170,15 @@ impl TaskingSim {
             other => other,
         }
     }
+}
+
+fn check_time(seconds: f64) -> Result<(), TaskingError> {
+    if (0.0..=MAX_TIME_S).contains(&seconds) {
+        return Ok(());
+    }
+    Err(TaskingError::InvalidArgument {
+        name: "time".to_owned(),
+        requirement: format!("must be from 0 to {MAX_TIME_S} s"),
+        value: seconds.to_string(),
+    })
 }

@@ -139,15 +139,18 @@ where
     }
 }
 
-/// Number of blocks of `width` lanes that run in step, and of episodes with up to `largest` satellites that they hold. As few blocks
-/// as possible are used, unless more of them leave fewer lanes idle.
+/// Number of blocks of `width` lanes that run in step, and of episodes with up to `largest` satellites that they hold.
+///
+/// As few blocks as possible are used, unless more of them leave far fewer lanes idle: an event in any block stops all of them.
 fn block_count(width: usize, largest: usize, episodes: usize) -> (usize, usize) {
     /// Largest number of blocks beyond those that one episode needs.
     const MORE_BLOCKS: usize = 3;
+    /// Least gain of the lanes in use that outweighs the stops of another block, as a fraction.
+    const LEAST_GAIN: [usize; 2] = [7, 5];
     let least = largest.div_ceil(width);
     let held = |blocks: usize| (blocks * width / largest).min(episodes);
     // Lanes in use per lane of the blocks, compared as fractions.
-    let is_fuller = |a: usize, b: usize| held(a) * b > held(b) * a;
+    let is_fuller = |a: usize, b: usize| LEAST_GAIN[1] * held(a) * b > LEAST_GAIN[0] * held(b) * a;
     let best =
         (least + 1..=least + MORE_BLOCKS).fold(least, |best, b| if is_fuller(b, best) { b } else { best });
     (best, held(best))

@@ -139,16 +139,11 @@ class AccessSatellite(Satellite):
         return time
 
     def calculate_additional_windows(self, duration: float) -> None:
-        """Computes windows for `duration` seconds more, in whole blocks."""
+        """Computes windows for `duration` seconds more, to the end of a block, in one search."""
         if duration <= 0:
             return
+        self.simulator.native.compute_opportunities(self.index, duration)
         self.simulator.log_windows()
-        start = self.window_calculation_time
-        native = self.simulator.native
-        native.compute_opportunities(self.index, start + duration)
-        # The journal has an entry for each block, the log one line for all of them.
-        native.take_journal()
-        self.log_windows(start, self.window_calculation_time)
 
     def log_windows(self, start_s: float, end_s: float) -> None:
         """Logs that windows were computed from and to a time, s."""
