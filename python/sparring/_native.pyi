@@ -284,7 +284,7 @@ class NativeTaskingEpisode:
         """
     def compute_opportunities(self, /, satellite: SupportsIndex, duration: SupportsFloat | SupportsIndex) -> None:
         """
-        Computes the opportunities of a satellite up to a time, s.
+        Computes the opportunities of a satellite for `duration` seconds more, to the end of a block.
         """
     def illumination(self, /, satellite: SupportsIndex) -> float:
         """

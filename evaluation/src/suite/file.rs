@@ -10,6 +10,8 @@
 //! "hash":"<blake3>"}
 //! ```
 //!
+//! `row` has the columns of outcomes. The last one, `time_s`, exists if the suite has tasks whose steps differ in duration.
+//!
 //! `planner` is the version of the planner that made the brackets. A group whose brackets another planner made, as for
 //! tasks of another world, has a `planner` of its own after its level. The reference's plan is not stored;
 //! `sparring suite verify` plans it again.
@@ -56,6 +58,10 @@ pub const BUILT_IN_SUITES: &[BuiltInSuite] = &[
         bytes: include_bytes!("../../suites/docking-heldout-v1.json"),
     },
     BuiltInSuite {
+        name: "tasking-heldout-v1",
+        bytes: include_bytes!("../../suites/tasking-heldout-v1.json"),
+    },
+    BuiltInSuite {
         name: "kessler-heldout-v1",
         bytes: include_bytes!("../../suites/kessler-heldout-v1.json"),
     },
@@ -68,11 +74,21 @@ const FORMAT: &str = "sparring-suite/1";
 const FORMAT_START: &str = "{\"format\":\"";
 const HASH_LINE: &str = "\n\"hash\":\"";
 /// Names of the columns of [`OutcomeRow`].
-const ROW: [&str; 6] = ["score", "total", "steps", "lost", "goal", "fuel_used"];
+const ROW: [&str; 7] = ["score", "total", "steps", "lost", "goal", "fuel_used", "time_s"];
+/// Number of columns of a suite without durations.
+const UNTIMED_COLUMNS: usize = 6;
 
-/// Outcome of one plan as a JSON array with the columns [`ROW`].
+/// Outcome of one plan as a JSON array with the columns [`ROW`]. The last one is left out where steps have one duration.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
-struct OutcomeRow(f64, f64, u32, u32, Option<f64>, f64);
+struct OutcomeRow(
+    f64,
+    f64,
+    u32,
+    u32,
+    Option<f64>,
+    f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")] Option<f64>,
+);
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -160,12 +176,14 @@ pub fn parse_suite(bytes: &[u8]) -> Result<LoadedSuite, SuiteError> {
     }
     let hash = check_hash(text)?;
     let stored: StoredSuite = serde_json::from_str(text).map_err(|error| not_a_suite(error.to_string()))?;
-    if stored.row != ROW {
-        return Err(not_a_suite(format!("its rows are {:?}, not {ROW:?}", stored.row)));
-    }
-    let StoredSuite { name, planner, created_by, groups, .. } = stored;
+    let StoredSuite { name, planner, created_by, row, groups, .. } = stored;
     let groups = groups.into_iter().map(|group| read_group(group, planner)).collect::<Result<_, _>>()?;
-    Ok(LoadedSuite { suite: Suite { name, planner, created_by, groups }, hash })
+    let suite = Suite { name, planner, created_by, groups };
+    let columns = columns(&suite);
+    if row != columns {
+        return Err(not_a_suite(format!("its rows are {row:?}, not {columns:?}")));
+    }
+    Ok(LoadedSuite { suite, hash })
 }
 
 /// Hashes the bytes before the last line, and compares the hash with the last line.
@@ -254,6 +272,12 @@ fn read_entry(recipe: &Arc<Recipe>, stored: StoredScenario, planner: u32) -> Res
     Ok(SuiteEntry { part: stored.part, scenario, bracket })
 }
 
+/// Names of the columns of a suite's outcomes.
+fn columns(suite: &Suite) -> &'static [&'static str] {
+    let mut entries = suite.groups.iter().flat_map(|group| &group.entries);
+    if entries.any(|entry| entry.bracket.reference.time_s.is_some()) { &ROW } else { &ROW[..UNTIMED_COLUMNS] }
+}
+
 /// Writes the file format.
 ///
 /// # Errors
@@ -264,7 +288,7 @@ pub fn write_suite(suite: &Suite) -> Result<String, serde_json::Error> {
         serde_json::to_string(&suite.name)?,
         suite.planner,
         serde_json::to_string(&suite.created_by)?,
-        serde_json::to_string(&ROW)?,
+        serde_json::to_string(columns(suite))?,
     );
     for (index, group) in suite.groups.iter().enumerate() {
         let task = serde_json::to_string(group.recipe.task().id())?;
@@ -311,13 +335,13 @@ impl OutcomeRow {
             outcome.lost,
             outcome.goal,
             outcome.fuel_used,
+            outcome.time_s,
         )
     }
 
     const fn into_outcome(self) -> EpisodeOutcome {
-        let Self(score, total_reward, steps, lost, goal, fuel_used) = self;
-        // A suite does not store durations: no measure of an evaluation needs those of its plans.
-        EpisodeOutcome { score, total_reward, steps, lost, goal, fuel_used, time_s: None }
+        let Self(score, total_reward, steps, lost, goal, fuel_used, time_s) = self;
+        EpisodeOutcome { score, total_reward, steps, lost, goal, fuel_used, time_s }
     }
 }
 

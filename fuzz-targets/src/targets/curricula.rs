@@ -146,5 +146,5 @@ fn suite_seeds() -> Vec<Vec<u8>> {
             .expect("a suite has a JSON form")
             .into_bytes()
     };
-    vec![seed("kessler-heldout-v2"), seed("docking-heldout-v1")]
+    vec![seed("kessler-heldout-v2"), seed("docking-heldout-v1"), seed("tasking-heldout-v1")]
 }

@@ -14,7 +14,7 @@ use crate::tasking::task::run::TaskRun;
 /// Plans and rules that are flown at full fidelity: as many as a block has lanes.
 pub(super) const FLOWN: usize = 8;
 /// Candidates whose thresholds are chosen for each orbit.
-const TUNED: usize = 2;
+const TUNED: usize = 1;
 /// Rounds in which modes are swapped.
 const SWAP_ROUNDS: usize = 2;
 

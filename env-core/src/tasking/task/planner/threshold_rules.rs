@@ -10,7 +10,7 @@ use crate::tasking::task::telemetry::TaskedSatelliteTelemetry;
 /// Charges below which a rule charges, as shares of the battery.
 const CHARGES: [f64; 5] = [0.15, 0.25, 0.4, 0.6, 0.8];
 /// Times before an eclipse from which a rule charges, s.
-const ECLIPSES_S: [f64; 3] = [1000.0, 2500.0, 6000.0];
+const ECLIPSES_S: [f64; 2] = [1000.0, 3500.0];
 /// Speeds of a wheel above which a rule desaturates, as shares of the limit.
 const WHEELS: [f64; 2] = [0.7, 0.15];
 
