@@ -35,8 +35,8 @@ GOLDEN = {
     "kessler/formation": "3f2863d9cca25743",
     "kessler/rendezvous": "e5d8dc74172d4e1f",
     "kessler/survival": "c8ef29498c70b099",
-    "tasking/constellation": "d17a4d86d2fc5692",
-    "tasking/imaging": "e52d9018afa8f7c0",
+    "tasking/constellation": "ba6ea7bedcfec9c0",
+    "tasking/imaging": "2b4b1ed537398965",
     "tasking/scanning": "fbd2f1f1a89dd3d2",
 }
 SETTINGS = {"tasks": ["kessler/survival"], "placement": False, "design": {"designer": "off"}, "group_size": 4}
