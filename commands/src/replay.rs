@@ -13,7 +13,7 @@ use serde_json::Value;
 use super::output::{self, Column, JsonFlag, Report, TextTable};
 use crate::files;
 
-/// Replay recorded episodes and compare every number.
+/// Replay recorded episodes and compare what happens in them.
 ///
 /// Each file holds episodes recorded in the public original of a world, with actions, random draws and the state after every
 /// step. The command replays them in the original's arithmetic with the same draws. It compares numbers within the tolerance
@@ -35,8 +35,8 @@ pub struct Args {
 
 const AFTER_HELP: &str = "\
 JSON (--json): one object {tolerance, files}. Each file: {file, world, within, episodes, steps, allowed, first, \
-documented} and the worst absolute difference of each of the world's quantities under its name (null: not a finite number), \
-which are satellite, debris, reward and total_score for kessler; state, observation, reward_distance, reward_delta_v, \
+documented} and the worst absolute difference of each quantity that the recording has under its name (null: not a finite number). They \
+are satellite, debris, reward and total_score for kessler; state, observation, reward_distance, reward_delta_v, \
 reward_velocity, reward_success, reward_failure, reward, return and done for docking (done is 1 where a flag or a reason \
 differs); step_end, reward, storage, battery, attitude, rate, wheel_speed, position, net_power, motor_torque, thruster_time, \
 observation, window and outcome for tasking (outcome is 1 where an image, a flag, a pair or an order differs). allowed has the largest accepted difference under the same names: the tolerance, or the precision of the recording or the \
@@ -80,11 +80,12 @@ impl Serialize for FileComparison {
             first: Option<FirstStep<'a>>,
             documented: &'a [String],
         }
-        /// One number of each quantity, in the world's order.
+        /// One number of each compared quantity, in the world's order.
         struct QuantityMap<'a>(&'a [WorstDifference], fn(&WorstDifference) -> f64);
         impl Serialize for QuantityMap<'_> {
             fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-                serializer.collect_map(self.0.iter().map(|worst| (worst.quantity, self.1(worst))))
+                let compared = self.0.iter().filter(|worst| worst.is_compared);
+                serializer.collect_map(compared.map(|worst| (worst.quantity, self.1(worst))))
             }
         }
         #[derive(Serialize)]
@@ -234,17 +235,25 @@ fn quantities(file: &FileComparison) -> TextTable {
     let worst = &file.compared.worst;
     let numbers = worst.iter().all(|worst| worst.difference <= worst.allowed);
     // A word can differ even if no number does.
-    let word = (numbers && !file.is_within_tolerance())
-        .then(|| WorstDifference { difference: 1.0, ..WorstDifference::new("text", 0.0) });
+    let word = (numbers && !file.is_within_tolerance()).then(|| WorstDifference {
+        difference: 1.0,
+        is_compared: true,
+        ..WorstDifference::new("text", 0.0)
+    });
     let mut table = TextTable::new([
         Column::text("quantity"),
         Column::text("verdict"),
         Column::number("worst"),
         Column::number("allowed"),
     ]);
-    for WorstDifference { quantity, difference, allowed } in worst.iter().chain(&word) {
-        let verdict = if difference <= allowed { "within" } else { "DIFFERS" };
-        let numbers = [difference, allowed].map(|number| format!("{number:.1e}"));
+    for WorstDifference { quantity, difference, allowed, is_compared } in worst.iter().chain(&word) {
+        let verdict = match is_compared {
+            false => "not recorded",
+            true if difference <= allowed => "within",
+            true => "DIFFERS",
+        };
+        let number = |number: &f64| if *is_compared { format!("{number:.1e}") } else { "–".to_owned() };
+        let numbers = [difference, allowed].map(number);
         table.add_row([*quantity, verdict].map(str::to_owned).into_iter().chain(numbers));
     }
     table

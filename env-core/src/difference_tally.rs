@@ -27,7 +27,8 @@ impl DifferenceTally {
     /// `mismatches` follows them as the quantity of all other differences, if they are to count as one.
     pub(crate) fn new(quantities: &[&'static str], mismatches: Option<&'static str>, tolerance: f64) -> Self {
         let numeric = quantities.iter().map(|name| WorstDifference::new(name, tolerance));
-        let other = mismatches.map(|name| WorstDifference::new(name, 0.0));
+        let other =
+            mismatches.map(|name| WorstDifference { is_compared: true, ..WorstDifference::new(name, 0.0) });
         Self {
             tolerance,
             episode: 0,

@@ -67,17 +67,20 @@ pub struct WorstDifference {
     pub difference: f64,
     /// Largest allowed difference: the requested tolerance, or the precision of the recording if that is larger.
     pub allowed: f64,
+    /// True if a value was compared: a recording need not have all quantities.
+    pub is_compared: bool,
 }
 
 impl WorstDifference {
-    /// Creates a record without differences; `allowed` is the requested tolerance.
+    /// Creates a record without compared values; `allowed` is the requested tolerance.
     #[must_use]
     pub const fn new(quantity: &'static str, allowed: f64) -> Self {
-        Self { quantity, difference: 0.0, allowed }
+        Self { quantity, difference: 0.0, allowed, is_compared: false }
     }
 
     /// Replaces the record by another difference of the same quantity if that is worse.
     pub fn update(&mut self, difference: f64, allowed: f64) {
+        self.is_compared = true;
         // A difference beyond the allowed one is worse than one within; then the ratio decides, which may overflow.
         let rank = |difference: f64, allowed: f64| {
             (difference > allowed, difference / allowed.max(f64::MIN_POSITIVE), difference)

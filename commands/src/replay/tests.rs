@@ -97,7 +97,12 @@ fn judged() -> [FileComparison; 2] {
         steps: 90,
         worst: worst
             .iter()
-            .map(|&(quantity, difference)| WorstDifference { quantity, difference, allowed: 1e-9 })
+            .map(|&(quantity, difference)| WorstDifference {
+                quantity,
+                difference,
+                allowed: 1e-9,
+                is_compared: true,
+            })
             .collect(),
         first,
         documented,

@@ -1,6 +1,7 @@
 //! Values of arguments, read by name.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use crate::tasking::error::TaskingError;
 use crate::tasking::orbit::OrbitalElements;
@@ -22,6 +23,24 @@ pub enum ArgValue {
     Elements(OrbitalElements),
     /// A list of texts.
     Texts(Vec<String>),
+}
+
+/// Writes the value as in Python; elements of an orbit as a sentence.
+impl fmt::Display for ArgValue {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::None => f.write_str("None"),
+            Self::Flag(true) => f.write_str("True"),
+            Self::Flag(false) => f.write_str("False"),
+            Self::Number(value) => write!(f, "{value}"),
+            Self::Text(text) => write!(f, "{text:?}"),
+            Self::Numbers(values) => write!(f, "{values:?}"),
+            Self::Texts(texts) => write!(f, "{texts:?}"),
+            Self::Elements(orbit) => {
+                write!(f, "an orbit with a = {} m and e = {}", orbit.semi_major_axis_m, orbit.eccentricity)
+            }
+        }
+    }
 }
 
 /// Reads arguments by their names.
@@ -84,7 +103,7 @@ impl ArgReader {
                 *target = *value;
                 Ok(())
             }
-            other => Err(TaskingError::invalid(name, "must be a number", format!("{other:?}"))),
+            other => Err(TaskingError::invalid(name, "must be a number", other.to_string())),
         }
     }
 
@@ -122,7 +141,7 @@ impl ArgReader {
             }
             other => {
                 let requirement = format!("must be a list of {N} finite numbers");
-                Err(TaskingError::invalid(name, &requirement, format!("{other:?}")))
+                Err(TaskingError::invalid(name, &requirement, other.to_string()))
             }
         }
     }
@@ -135,7 +154,7 @@ impl ArgReader {
         match self.get(name) {
             ArgValue::None => Ok(None),
             ArgValue::Text(text) => Ok(Some(text.clone())),
-            other => Err(TaskingError::invalid(name, "must be a text or None", format!("{other:?}"))),
+            other => Err(TaskingError::invalid(name, "must be a text or None", other.to_string())),
         }
     }
 
@@ -150,7 +169,7 @@ impl ArgReader {
                 *target = *value;
                 Ok(())
             }
-            other => Err(TaskingError::invalid(name, "must be true or false", format!("{other:?}"))),
+            other => Err(TaskingError::invalid(name, "must be true or false", other.to_string())),
         }
     }
 
@@ -166,7 +185,7 @@ impl ArgReader {
             }
             other => {
                 let requirement = "must be orbital elements with an eccentricity from 0 to less than 1";
-                Err(TaskingError::invalid(name, requirement, format!("{other:?}")))
+                Err(TaskingError::invalid(name, requirement, other.to_string()))
             }
         }
     }
