@@ -19,6 +19,8 @@ pub(super) struct RefreshCache {
     illumination: f64,
     /// Last tick for which `illumination` holds.
     illumination_until: u64,
+    /// First tick whose downlink is computed after a run of ticks; `None` outside of passes.
+    downlinked_from: Option<u64>,
 }
 
 impl TaskedSatellite {
@@ -63,6 +65,7 @@ impl TaskedSatellite {
         if let Some(tick) = self.desaturation.next_tick() {
             until = until.min(tick.max(next));
         }
+        self.cache.downlinked_from = None;
         if self.software.transmitter_on {
             until = until.min(self.last_tick_of_access(next, sky));
         }
@@ -85,20 +88,32 @@ impl TaskedSatellite {
             self.desaturation.update(now, tick.seconds(), &wheels, &settings);
         }
         if self.software.transmitter_on {
-            let has_access = self.has_station_access(tick.time_s(now.saturating_sub(1)), sky);
             let settings = self.transmitter_settings();
-            let stored = [stored_before, self.initial_stored];
-            let change =
-                self.transmitter.tick(tick.time_s(now), tick.seconds(), has_access, stored, &settings);
-            block.state.stored[lane] = (block.state.stored[lane] + change[0]).max(0.0);
-            self.initial_stored = (self.initial_stored + change[1]).max(0.0);
+            let mut stored_before = stored_before;
+            for at in self.cache.downlinked_from.unwrap_or(now)..=now {
+                let has_access = self.has_station_access(tick.time_s(at.saturating_sub(1)), sky);
+                let stored = [stored_before, self.initial_stored];
+                let change =
+                    self.transmitter.tick(tick.time_s(at), tick.seconds(), has_access, stored, &settings);
+                block.state.stored[lane] = (block.state.stored[lane] + change[0]).max(0.0);
+                self.initial_stored = (self.initial_stored + change[1]).max(0.0);
+                stored_before = block.state.stored[lane];
+            }
+            if let Some(from) = &mut self.cache.downlinked_from {
+                *from = now + 1;
+            }
             self.fill_storage_room(block, lane);
         }
     }
 
+    /// True if ticks ran in a pass whose downlinks are not computed yet.
+    pub const fn awaits_downlink(&self) -> bool {
+        self.cache.downlinked_from.is_some()
+    }
+
     /// Follows the ticks up to this one, in which no ground station was in reach.
     pub fn skip_transmitter_to(&mut self, now: u64) {
-        if self.software.transmitter_on {
+        if self.software.transmitter_on && !self.awaits_downlink() {
             self.transmitter.skip_to(self.environment.tick.time_s(now));
         }
     }
@@ -307,14 +322,17 @@ impl TaskedSatellite {
         until
     }
 
-    /// The last tick from `next` on in which the transmitter's access does not change; each tick with access is one of its own.
+    /// The last tick from `next` on that needs no look at the transmitter. In a pass, each tick needs one if data are recorded.
     fn last_tick_of_access(&mut self, next: u64, sky: &mut Sky) -> u64 {
         /// Time that is searched for the next pass, s.
         const LOOK_AHEAD_S: f64 = 600.0;
         let tick = self.environment.tick;
         let time = tick.time_s(next - 1);
         if self.has_station_access(time, sky) {
-            return next;
+            // Nothing but the transmitter changes the data, so that its ticks can follow those of the motion.
+            let is_alone = !self.software.is_listening;
+            self.cache.downlinked_from = is_alone.then_some(next);
+            return if is_alone { u64::MAX } else { next };
         }
         let horizon = time + LOOK_AHEAD_S;
         let stations = self.stations_to(horizon, sky);

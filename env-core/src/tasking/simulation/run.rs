@@ -230,8 +230,8 @@ where
         for (i, agent) in sim.agents.iter_mut().enumerate() {
             let lane = slot.first_lane + i;
             let block = &mut self.blocks[lane / W];
-            if slot.until[i] <= now {
-                // A transmitter with access runs single ticks: these are the bits before the last one.
+            if slot.until[i] <= now || agent.satellite.awaits_downlink() {
+                // A transmitter runs single ticks in a pass while data are recorded: these are the bits before the last one.
                 let before = agent.satellite.state.stored;
                 agent.satellite.finish_tick(now, block, lane % W, before, &mut sim.sky);
             }
