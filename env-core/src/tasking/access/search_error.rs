@@ -8,10 +8,10 @@
 
 use crate::tasking::constants::EARTH_MU;
 use crate::tasking::earth::EARTH_RATE_RAD_S;
-use crate::tasking::orbit::OrbitNode;
 use crate::tasking::orbit::dop853::{OrbitState, dop853_step};
 use crate::tasking::orbit::gravity::mean_stretch;
 use crate::tasking::orbit::propagator::STEP_S;
+use crate::tasking::orbit::{OrbitNode, hill_frame};
 use crate::tasking::vector3::{Matrix3, Vector3, add, cross, dot, norm, rotate, rotate_back, scale, sub};
 
 /// Nodes between two computed differences, which cubic polynomials interpolate to a millimetre.
@@ -169,14 +169,6 @@ const fn part(state: &OrbitState, first: usize) -> Vector3<f64> {
 /// Axes of the Hill frame of a state.
 fn hill_axes(state: &OrbitState) -> Matrix3<f64> {
     hill_frame(&part(state, 0), &part(state, 3))
-}
-
-/// Axes of the Hill frame: radial, along track, orbit normal.
-fn hill_frame(position: &Vector3<f64>, velocity: &Vector3<f64>) -> Matrix3<f64> {
-    let radial = scale(position, 1.0 / norm(position));
-    let momentum = cross(position, velocity);
-    let normal = scale(&momentum, 1.0 / norm(&momentum));
-    [radial, cross(&normal, &radial), normal]
 }
 
 /// Motion about a point mass whose attraction is computed at a stretched position.

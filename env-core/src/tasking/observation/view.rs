@@ -1,10 +1,10 @@
 //! State of a satellite as observations see it.
 
 use crate::tasking::earth::EARTH_RATE_RAD_S;
-use crate::tasking::orbit::OrbitalElements;
+use crate::tasking::orbit::{OrbitalElements, hill_frame};
 use crate::tasking::satellite::SatelliteSpec;
 use crate::tasking::tick::state::TickState;
-use crate::tasking::vector3::{Matrix3, Vector3, cross, norm, rotate_back, scale};
+use crate::tasking::vector3::{Matrix3, Vector3, rotate_back, scale};
 
 /// State of a satellite after a tick, and the sky at that tick.
 #[derive(Debug, Clone, Copy)]
@@ -46,10 +46,7 @@ impl SatelliteView<'_> {
     /// Rotation from the inertial frame to the Hill frame: radial, along track, orbit normal.
     #[must_use]
     pub fn hill(&self) -> Matrix3<f64> {
-        let radial = scale(&self.state.position, 1.0 / norm(&self.state.position));
-        let momentum = cross(&self.state.position, &self.moment.velocity);
-        let normal = scale(&momentum, 1.0 / norm(&momentum));
-        [radial, cross(&normal, &radial), normal]
+        hill_frame(&self.state.position, &self.moment.velocity)
     }
 
     /// Angular velocity of the planet in the inertial frame, rad/s.

@@ -3,7 +3,9 @@
 use super::arg_names::argument_names;
 use super::arg_value::{ArgReader, ArgValue};
 use super::models::{DynamicsModel, SoftwareModel};
-use crate::tasking::constants::{EARTH_MU, EARTH_RADIUS_M, WHEEL_INERTIA_KG_M2};
+use crate::tasking::constants::{
+    ASTRONOMICAL_UNIT_M, EARTH_MU, EARTH_RADIUS_M, SOLAR_FLUX_W_M2, WHEEL_INERTIA_KG_M2,
+};
 use crate::tasking::error::TaskingError;
 use crate::tasking::orbit::OrbitalElements;
 use crate::tasking::vector3::{Vector3, norm};
@@ -309,6 +311,20 @@ impl SatelliteArgs {
             ));
         }
         Ok(())
+    }
+
+    /// Power of a panel that faces the Sun at a distance, m, in W.
+    #[must_use]
+    pub fn facing_panel_w(&self, sun_distance_m: f64) -> f64 {
+        let relative = sun_distance_m / ASTRONOMICAL_UNIT_M;
+        let flux = SOLAR_FLUX_W_M2 / (relative * relative);
+        flux * self.panel_area_m2 * self.panel_efficiency
+    }
+
+    /// Power of the devices that are always on, W.
+    #[must_use]
+    pub fn base_load_w(&self) -> f64 {
+        3.0 * self.wheel_base_power_w - self.base_power_w
     }
 
     /// Moments of inertia of a uniform box about the body's axes, kg·m².

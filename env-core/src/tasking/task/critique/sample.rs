@@ -1,10 +1,10 @@
 //! Samples of every tick: power by cause, storage and place on the orbit.
 
 use super::orbit_angle::orbit_angle_deg;
-use crate::tasking::constants::{ASTRONOMICAL_UNIT_M, RAD_S_PER_RPM, SOLAR_FLUX_W_M2};
+use crate::tasking::constants::RAD_S_PER_RPM;
 use crate::tasking::satellite::TaskedSatellite;
 use crate::tasking::simulation::TaskingSim;
-use crate::tasking::vector3::{Vector3, add, dot, scale, sub};
+use crate::tasking::vector3::{Vector3, add, norm, scale, sub};
 
 /// Visible share of the Sun below which a satellite counts as in eclipse.
 const DARK_SHARE: f64 = 0.01;
@@ -144,8 +144,7 @@ impl PowerBalance {
         let wheels_w = 3.0 * args.wheel_base_power_w + driven;
         let panel_w = satellite.net_power_w() + thrusters_w + devices_w + wheels_w;
         let to_sun = sub(sun, &state.position);
-        let flux = SOLAR_FLUX_W_M2 * ASTRONOMICAL_UNIT_M * ASTRONOMICAL_UNIT_M / dot(&to_sun, &to_sun);
-        let full_w = flux * args.panel_area_m2 * args.panel_efficiency;
+        let full_w = args.facing_panel_w(norm(&to_sun));
         Self {
             eclipse_w: full_w * (1.0 - illumination),
             mispointing_w: (full_w * illumination - panel_w).max(0.0),

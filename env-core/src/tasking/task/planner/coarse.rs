@@ -3,6 +3,7 @@
 //! The body turns the shortest way to its next direction and keeps its roll. The momentum of the wheels is fixed in space, apart from
 //! the disturbance and the thrusters. Turning the body moves it from wheel to wheel, which costs power.
 
+use super::light::panel_cosine;
 use super::slew_profile::SlewProfile;
 use super::slots::{SCAN_SLOTS, SLOT_S, SkySlot, SlotTable};
 use crate::tasking::constants::{RAD_S_PER_RPM, WHEEL_INERTIA_KG_M2};
@@ -138,7 +139,7 @@ impl CoarseState {
             self.pointing = Some(pointing);
             self.slew = Slew { angle_rad: self.angle_to(pointing, slot), elapsed_s: 0.0, remaining: 1.0 };
         }
-        let lit_before = self.panel_cosine(slot);
+        let lit_before = panel_cosine(&self.body[2], &slot.sun);
         let is_slewing = self.slew.remaining > SETTLED_SHARE;
         let (mut scan_s, mut wheel_ws, mut lit) = (SLOT_S, 0.0, lit_before);
         if is_slewing {
@@ -150,7 +151,7 @@ impl CoarseState {
             let middle = table.profile.share(before.angle_rad, before.elapsed_s + 0.5 * SLOT_S / slowing);
             let remaining = table.profile.share(before.angle_rad, elapsed_s);
             self.turn(pointing, slot, 1.0 - (middle / before.remaining).min(1.0));
-            lit = self.panel_cosine(slot);
+            lit = panel_cosine(&self.body[2], &slot.sun);
             self.turn(pointing, slot, 1.0 - (remaining / middle.max(1e-9)).min(1.0));
             self.slew = Slew { elapsed_s, remaining, ..before };
             let turned =
@@ -165,7 +166,7 @@ impl CoarseState {
                 wheel_ws += WHEEL_INERTIA_KG_M2 * (after * after - reused).max(0.0);
             }
         }
-        let lit_after = self.panel_cosine(slot);
+        let lit_after = panel_cosine(&self.body[2], &slot.sun);
         let cosine =
             if is_slewing { (lit_before + 2.0 * lit + lit_after) * 0.25 } else { 0.5 * (lit + lit_after) };
         let mut net_ws = slot.panel_w * cosine * SLOT_S - wheel_ws;
@@ -216,11 +217,6 @@ impl CoarseState {
             _ => dot(&self.body[2], &direction(pointing, slot)),
         };
         libm::acos(cosine.clamp(-1.0, 1.0))
-    }
-
-    /// Cosine of the angle between panel and Sun, at least 0. The panel is opposite to the instrument.
-    fn panel_cosine(&self, slot: &SkySlot) -> f64 {
-        (-dot(&self.body[2], &slot.sun)).max(0.0)
     }
 
     /// Turns the body by a share of the rest of its way.

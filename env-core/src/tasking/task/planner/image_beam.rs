@@ -3,6 +3,7 @@
 //! States are kept in slots of time: those of a slot end an action at about the same time, so that their values compare.
 
 use super::image_sky::ImageSky;
+use super::light::panel_cosine;
 use super::slew_time::SlewTime;
 use crate::tasking::task::spaces::IMAGE_ACTIONS;
 use crate::tasking::vector3::{Vector3, dot, scale};
@@ -234,7 +235,8 @@ impl Beam {
     pub(super) fn energy_value(&self, sky: &ImageSky, state: &ImagerState) -> f64 {
         let usable = ((sky.limit_s - state.time_s).max(0.0) * USE_W).min(sky.args.battery_capacity_ws);
         let dark_s = sky.light(state.time_s).dark_s;
-        let needed = (self.reserve * sky.args.battery_capacity_ws + dark_s * sky.base_w()).min(usable);
+        let needed =
+            (self.reserve * sky.args.battery_capacity_ws + dark_s * sky.args.base_load_w()).min(usable);
         let used = state.battery_ws.min(usable);
         // The less is left, the more a joule is worth.
         self.worth.rate / self.worth.power_w * used * (2.0 - used / usable.max(1.0))
@@ -303,7 +305,7 @@ impl Beam {
         let light = sky.light(0.5 * (start.time_s + end_s));
         let cosine = 0.5 * (panel_cosine(&start.boresight, &light.sun) + panel_cosine(&heading, &light.sun));
         let slew_ws = SlewTime::energy_ws(angle_deg(&start.boresight, &heading), self.momentum);
-        let power = light.panel_w * cosine - sky.base_w() + sky.args.instrument_power_w;
+        let power = light.panel_w * cosine - sky.args.base_load_w() + sky.args.instrument_power_w;
         self.moved(sky, start, heading, end_s, power * duration_s - slew_ws)
     }
 
@@ -327,7 +329,8 @@ impl Beam {
         let lit_s = end_s - start.time_s - 0.5 * slew_s * (1.0 - before);
         let heading = scale(&light.sun, -1.0);
         let slew_ws = SlewTime::energy_ws(angle_deg(&start.boresight, &heading), self.momentum);
-        let energy = light.panel_w * lit_s.max(0.0) - sky.base_w() * (end_s - start.time_s) - slew_ws;
+        let energy =
+            light.panel_w * lit_s.max(0.0) - sky.args.base_load_w() * (end_s - start.time_s) - slew_ws;
         let state = self.moved(sky, start, heading, end_s, energy);
         Child { action: IMAGE_ACTIONS, target: None, earned: 0.0, state }
     }
@@ -342,17 +345,12 @@ impl Beam {
         if access_s < MIN_ACCESS_S || end_s > sky.limit_s {
             return None;
         }
-        let power = sky.args.transmitter_power_w - sky.base_w();
+        let power = sky.args.transmitter_power_w - sky.args.base_load_w();
         let slew_ws = SlewTime::energy_ws(90.0, self.momentum);
         let mut state = self.moved(sky, start, start.boresight, end_s, power * DOWNLINK_S - slew_ws);
         state.stored_bits = (state.stored_bits + access_s * sky.args.transmitter_baud).max(0.0);
         Some(Child { action: IMAGE_ACTIONS + 1, target: None, earned: 0.0, state })
     }
-}
-
-/// Cosine of the angle between panel and Sun, at least 0. The panel is opposite to the instrument.
-fn panel_cosine(boresight: &Vector3<f64>, sun: &Vector3<f64>) -> f64 {
-    (-dot(boresight, sun)).max(0.0)
 }
 
 /// Angle between two directions, degrees, with an error below 0.004° (Abramowitz and Stegun 1964, eq. 4.4.45).

@@ -1,8 +1,8 @@
 //! The episode as the planner of an imager sees it: the path, the Sun, and the windows of targets and stations.
 
+use super::light::dark_times;
 use super::slew_time::SlewTime;
 use crate::tasking::access::OpportunityKind;
-use crate::tasking::constants::{ASTRONOMICAL_UNIT_M, SOLAR_FLUX_W_M2};
 use crate::tasking::satellite::eclipse::illumination;
 use crate::tasking::setup::SatelliteArgs;
 use crate::tasking::task::run::TaskRun;
@@ -74,11 +74,8 @@ impl ImageSky {
         let count = (limit_s / POSITION_STEP_S).ceil() as usize + 1;
         let mut lights: Vec<Light> =
             (0..=(limit_s / LIGHT_STEP_S) as usize + 1).map(|index| light(run, index, &args)).collect();
-        let mut dark_s = 0.0;
-        for light in lights.iter_mut().rev() {
-            dark_s = if light.panel_w > 0.0 { 0.0 } else { dark_s + LIGHT_STEP_S };
-            light.dark_s = dark_s;
-        }
+        let dark_times = dark_times(lights.iter().map(|light| light.panel_w), LIGHT_STEP_S);
+        lights.iter_mut().zip(dark_times).for_each(|(light, dark_s)| light.dark_s = dark_s);
         Self {
             windows: windows.collect(),
             passes: passes.iter().map(|pass| [pass.open_s, pass.close_s]).collect(),
@@ -110,11 +107,6 @@ impl ImageSky {
         let index = (seconds / LIGHT_STEP_S).max(0.0) as usize;
         &self.lights[index.min(self.lights.len() - 1)]
     }
-
-    /// Power of the devices that are always on, W.
-    pub(super) fn base_w(&self) -> f64 {
-        3.0 * self.args.wheel_base_power_w - self.args.base_power_w
-    }
 }
 
 fn light(run: &TaskRun, index: usize, args: &SatelliteArgs) -> Light {
@@ -124,11 +116,9 @@ fn light(run: &TaskRun, index: usize, args: &SatelliteArgs) -> Light {
     let sun = sky.sun(middle);
     let to_sun = sub(&sun, &position);
     let distance = norm(&to_sun);
-    let relative = distance / ASTRONOMICAL_UNIT_M;
-    let flux = SOLAR_FLUX_W_M2 / (relative * relative);
     Light {
         sun: rotate(&sky.earth(middle).planet_from_inertial(), &scale(&to_sun, 1.0 / distance)),
-        panel_w: flux * args.panel_area_m2 * args.panel_efficiency * illumination(&position, &sun),
+        panel_w: args.facing_panel_w(distance) * illumination(&position, &sun),
         dark_s: 0.0,
     }
 }

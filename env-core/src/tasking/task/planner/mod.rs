@@ -14,6 +14,7 @@ mod image_beam;
 mod image_plan;
 mod image_sky;
 mod imaging;
+mod light;
 mod scan_pilot;
 mod scan_plan;
 mod scan_rule;

@@ -64,7 +64,7 @@ impl ScanRule {
             return Mode::Charge;
         }
         let left_s = table.limit_s - index as f64 * SLOT_S;
-        let scanning_w = dark_w(table) - args.instrument_power_w;
+        let scanning_w = table.args.base_load_w() - args.instrument_power_w;
         if resources.battery_ws > left_s * scanning_w * DARK_MARGIN + self.reserve * args.battery_capacity_ws
         {
             return Mode::Scan;
@@ -84,10 +84,5 @@ impl ScanRule {
 pub(super) fn reserve_ws(table: &SlotTable, index: usize) -> f64 {
     let ahead = (index + Mode::Scan.slots()).min(table.slots.len() - 1);
     let dark_s = table.slots[index].dark_s.max(table.slots[ahead].dark_s);
-    dark_s * dark_w(table) * DARK_MARGIN
-}
-
-/// Power of a satellite that charges in the dark, W.
-fn dark_w(table: &SlotTable) -> f64 {
-    3.0 * table.args.wheel_base_power_w - table.args.base_power_w
+    dark_s * table.args.base_load_w() * DARK_MARGIN
 }

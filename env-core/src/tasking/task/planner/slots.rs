@@ -1,14 +1,14 @@
 //! The sky of a scanning satellite in slots of a minute: what the coarse model needs of orbit, Sun and ground stations.
 
+use super::light::{dark_times, panel_cosine};
 use super::slew_profile::SlewProfile;
 use crate::tasking::access::OpportunityKind;
-use crate::tasking::constants::{ASTRONOMICAL_UNIT_M, SOLAR_FLUX_W_M2};
-use crate::tasking::orbit::{Orbit, Sky};
+use crate::tasking::orbit::{Orbit, Sky, hill_frame};
 use crate::tasking::satellite::desaturation::DesaturationSettings;
 use crate::tasking::satellite::eclipse::illumination;
 use crate::tasking::setup::SatelliteArgs;
 use crate::tasking::task::run::TaskRun;
-use crate::tasking::vector3::{Matrix3, Vector3, cross, dot, norm, scale, sub};
+use crate::tasking::vector3::{Matrix3, Vector3, norm, scale, sub};
 
 /// Length of a slot, s: the duration of the shortest action.
 pub(super) const SLOT_S: f64 = 60.0;
@@ -39,7 +39,7 @@ pub(super) struct SkySlot {
 impl SkySlot {
     /// Power that the panel lacks while the satellite scans instead of charging, W.
     fn panel_loss_w(&self) -> f64 {
-        self.panel_w * (1.0 - (-dot(&self.nadir, &self.sun)).max(0.0))
+        self.panel_w * (1.0 - panel_cosine(&self.nadir, &self.sun))
     }
 }
 
@@ -65,19 +65,16 @@ impl SlotTable {
         let (orbit, sky) = (satellite.orbit(), sim.sky());
         let mut slots: Vec<SkySlot> = (0..count).map(|index| slot(index, orbit, sky, &args)).collect();
         for window in sim.opportunities(0).upcoming(OpportunityKind::GroundStation, 0.0) {
-            let first = (window.open_s / SLOT_S) as usize;
-            let last = ((window.close_s / SLOT_S).ceil() as usize).min(count);
-            for (index, slot) in slots.iter_mut().enumerate().take(last).skip(first) {
+            let first = ((window.open_s / SLOT_S) as usize).min(count);
+            let end = ((window.close_s / SLOT_S).ceil() as usize).clamp(first, count);
+            for (index, slot) in (first..end).zip(&mut slots[first..end]) {
                 let begin = index as f64 * SLOT_S;
                 let shared = window.close_s.min(begin + SLOT_S) - window.open_s.max(begin);
                 slot.access_s = (slot.access_s + shared.max(0.0)).min(SLOT_S);
             }
         }
-        let mut dark_s = 0.0;
-        for slot in slots.iter_mut().rev() {
-            dark_s = if slot.panel_w > 0.0 { 0.0 } else { dark_s + SLOT_S };
-            slot.dark_s = dark_s;
-        }
+        let dark_times = dark_times(slots.iter().map(|slot| slot.panel_w), SLOT_S);
+        slots.iter_mut().zip(dark_times).for_each(|(slot, dark_s)| slot.dark_s = dark_s);
         let losses: Vec<f64> = slots.iter().map(SkySlot::panel_loss_w).collect();
         for (index, slot) in slots.iter_mut().enumerate() {
             let scan = &losses[index..(index + SCAN_SLOTS).min(count)];
@@ -101,16 +98,12 @@ fn slot(index: usize, orbit: &Orbit, sky: &Sky, args: &SatelliteArgs) -> SkySlot
             illumination(&path.position(time), &sun)
         })
         .sum();
-    let relative_distance = distance / ASTRONOMICAL_UNIT_M;
-    let flux = SOLAR_FLUX_W_M2 / (relative_distance * relative_distance);
-    let radial = scale(&position, 1.0 / norm(&position));
-    let momentum = cross(&position, &velocity);
-    let normal = scale(&momentum, 1.0 / norm(&momentum));
+    let hill = hill_frame(&position, &velocity);
     SkySlot {
-        nadir: scale(&radial, -1.0),
+        nadir: scale(&hill[0], -1.0),
         sun: scale(&to_sun, 1.0 / distance),
-        hill: [radial, cross(&normal, &radial), normal],
-        panel_w: flux * args.panel_area_m2 * args.panel_efficiency * light / LIGHT_SAMPLES as f64,
+        hill,
+        panel_w: args.facing_panel_w(distance) * light / LIGHT_SAMPLES as f64,
         access_s: 0.0,
         scan_loss_w: 0.0,
         dark_s: 0.0,
