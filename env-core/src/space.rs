@@ -57,6 +57,19 @@ impl ParamSpec {
     }
 }
 
+/// Param that makes the start of an episode easier, in tasks that have start rungs. Tasks describe its effect.
+pub(crate) const START_SCALE: ParamSpec = ParamSpec {
+    name: "start_scale",
+    unit: "",
+    min: 0.01,
+    max: 1.0,
+    step: 0.01,
+    whole: false,
+    default: 1.0,
+    harder: Harder::Up,
+    description: "",
+};
+
 /// A physics option: a choice between named behaviours of a world. The API and help texts describe it by this, and recipes
 /// are checked against it.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde_json::Value;
 
-use super::constants::{MAX_DEPUTIES, OBSERVATION_DIM, STATE_DIM, STEP_S};
+use super::constants::{MAX_DEPUTIES, OBSERVATION_DIM, STEP_S};
 use super::setup::{DeputyStarts, DockingSetup};
 use super::simulation::DockingSim;
 use crate::batch::{
@@ -42,7 +42,7 @@ pub(super) fn create_batch(
     let agents = source.single_recipe().map_or_else(max_deputies, |_| setup.deputies);
     let shape =
         BatchShape { envs: config.envs, agents, action: ACTION_DIM, observation: agents * OBSERVATION_DIM };
-    let start = DeputyStarts { deputies: setup.deputies, states: [[0.0; STATE_DIM]; MAX_DEPUTIES] };
+    let start = DeputyStarts::at_chief(setup.deputies, setup.time_limit);
     let lane = || DockingLane {
         task: id,
         sim: DockingSim::new(setup, &start),

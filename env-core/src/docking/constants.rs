@@ -33,6 +33,17 @@ pub const START_SEPARATION_M: f64 = 1.0;
 pub const START_TRIES: u32 = 64;
 /// Smallest start distance divided by `start_radius`: deputies start 100 to 150 m from the chief by default.
 pub const MIN_START_RATIO: f64 = 2.0 / 3.0;
+/// Smallest start distance of a scaled start, m: just outside the docking radius.
+pub const MIN_START_DISTANCE_M: f64 = 0.8;
+/// Distance by which scaled starts grow from one deputy to the next, m: six seconds at the docking speed, so that deputies do not
+/// arrive together.
+pub const START_STAGGER_M: f64 = 1.2;
+/// Time for each metre of a scaled start, s/m.
+pub const SCALED_TIME_S_PER_M: f64 = 10.0;
+/// Smallest time limit of a scaled start, s, unless the recipe's is shorter.
+pub const MIN_SCALED_TIME_S: f64 = 40.0;
+/// Initial speeds shrink below a start scale of the inverse of this.
+pub const SPEED_SCALE_RATIO: f64 = 4.0;
 /// Largest azimuth at the start, rad, as in the original; the smallest is 0.
 #[expect(clippy::approx_constant, reason = "the original's own number, not a full turn")]
 pub const START_AZIMUTH_RAD: f64 = 6.283;

@@ -1,8 +1,9 @@
 //! Parameters of an episode, read from a recipe, and sampling of its start.
 
 use super::constants::{
-    DOCKING_RADIUS_M, MAX_DEPUTIES, MAX_DISTANCE_M, MIN_START_RATIO, START_AZIMUTH_RAD, START_ELEVATION_RAD,
-    START_SEPARATION_M, START_TRIES, STATE_DIM,
+    DOCKING_RADIUS_M, MAX_DEPUTIES, MAX_DISTANCE_M, MIN_SCALED_TIME_S, MIN_START_DISTANCE_M, MIN_START_RATIO,
+    SCALED_TIME_S_PER_M, SPEED_SCALE_RATIO, START_AZIMUTH_RAD, START_ELEVATION_RAD, START_SEPARATION_M,
+    START_STAGGER_M, START_TRIES, STATE_DIM, TIME_LIMIT_S,
 };
 use super::relative_motion::{RelativeState, distance, separation, speed_limit};
 use crate::episode_rng::{EpisodeRng, RngStream};
@@ -22,21 +23,35 @@ pub struct DockingSetup {
     pub start_radius: f64,
     /// Largest speed at the start divided by the speed limit there.
     pub speed_ratio: f64,
-    /// Time limit in steps of one second.
+    /// Factor of the drawn start distances, at most 1. Below 1, speeds and the time limit shrink, too.
+    pub start_scale: f64,
+    /// Time limit of the episode in steps of one second, at most that of the recipe.
     pub time_limit: u32,
+    /// Time limit of the recipe in steps of one second.
+    pub recipe_time_limit: u32,
     /// Largest thrust per axis, N.
     pub thrust_bound: f64,
     /// The start that the layout specifies, if any.
     layout_starts: Option<DeputyStarts>,
 }
 
-/// Initial states of all deputies.
+/// Initial states of all deputies, and the time limit that belongs to them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DeputyStarts {
     /// Number of deputies; states from this index on are unused.
     pub deputies: usize,
     /// State of each deputy.
     pub states: [RelativeState; MAX_DEPUTIES],
+    /// Time limit of the episode in steps of one second.
+    pub time_limit: u32,
+}
+
+impl DeputyStarts {
+    /// Starts of deputies at the chief, to be filled in.
+    #[must_use]
+    pub const fn at_chief(deputies: usize, time_limit: u32) -> Self {
+        Self { deputies, states: [[0.0; STATE_DIM]; MAX_DEPUTIES], time_limit }
+    }
 }
 
 impl DockingSetup {
@@ -46,11 +61,14 @@ impl DockingSetup {
     /// Returns an error if the layout is invalid or contradicts the params.
     pub fn read(recipe: &Recipe) -> Result<Self, ScenarioError> {
         let param = |name: &str, or: f64| recipe.param(name).unwrap_or(or);
+        let time_limit = param("time_limit_s", TIME_LIMIT_S) as u32;
         let mut setup = Self {
             deputies: (param("deputies", 1.0) as usize).clamp(1, MAX_DEPUTIES),
             start_radius: param("start_radius", 150.0),
             speed_ratio: param("speed_ratio", 0.8),
-            time_limit: param("time_limit_s", 2000.0) as u32,
+            start_scale: param("start_scale", 1.0),
+            time_limit,
+            recipe_time_limit: time_limit,
             thrust_bound: param("thrust_bound", 1.0),
             layout_starts: None,
         };
@@ -80,7 +98,7 @@ impl DockingSetup {
                 format!("must have {} rows, one for each deputy, got {}", self.deputies, rows.len()),
             ));
         }
-        let mut start = DeputyStarts { deputies: self.deputies, states: [[0.0; STATE_DIM]; MAX_DEPUTIES] };
+        let mut start = DeputyStarts::at_chief(self.deputies, self.recipe_time_limit);
         for (i, row) in rows.iter().enumerate() {
             let field = format!("layout.bodies.deputies.{i}");
             start.states[i] = read_deputy(&field, row)?;
@@ -104,9 +122,10 @@ impl DockingSetup {
         if let Some(given) = self.layout_starts {
             return Ok(given);
         }
-        let mut start = DeputyStarts { deputies: self.deputies, states: [[0.0; STATE_DIM]; MAX_DEPUTIES] };
+        let mut start = DeputyStarts::at_chief(self.deputies, self.recipe_time_limit);
         for i in 0..self.deputies {
-            let mut state = self.sample_state(rng, RngStream::Agents);
+            let stagger = START_STAGGER_M * i as f64;
+            let mut state = self.sample_state(rng, RngStream::Agents, stagger);
             let mut tries = 0;
             while let Some((other, _)) = find_too_close(&start.states[..i], &state) {
                 if tries == START_TRIES {
@@ -119,20 +138,38 @@ impl DockingSetup {
                     });
                 }
                 tries += 1;
-                state = self.sample_state(rng, RngStream::Redraw(i as u32));
+                state = self.sample_state(rng, RngStream::Redraw(i as u32), stagger);
             }
             start.states[i] = state;
         }
+        start.time_limit = self.scaled_time_limit(&start);
         Ok(start)
+    }
+
+    /// Time limit for starts at these distances, in steps of one second.
+    ///
+    /// A scaled start has ten seconds for each metre of the largest distance, twice what the speed limit at the chief allows, but at
+    /// least [`MIN_SCALED_TIME_S`].
+    fn scaled_time_limit(&self, start: &DeputyStarts) -> u32 {
+        if self.start_scale >= 1.0 {
+            return self.recipe_time_limit;
+        }
+        let farthest = start.states[..start.deputies].iter().map(distance).fold(0.0, f64::max);
+        let seconds = libm::ceil(farthest * SCALED_TIME_S_PER_M).max(MIN_SCALED_TIME_S);
+        self.recipe_time_limit.min(seconds as u32)
     }
 
     /// Samples the state of a deputy by six draws: distance, azimuth and elevation of the position; speed, azimuth and
     /// elevation of the velocity. The number is fixed, so that more deputies do not change the first ones, and other params
     /// do not change the directions.
-    fn sample_state(&self, rng: &mut impl EpisodeRng, stream: RngStream) -> RelativeState {
-        let radius = rng.uniform_in(stream, self.start_radius * MIN_START_RATIO, self.start_radius);
+    fn sample_state(&self, rng: &mut impl EpisodeRng, stream: RngStream, stagger: f64) -> RelativeState {
+        let drawn = rng.uniform_in(stream, self.start_radius * MIN_START_RATIO, self.start_radius);
+        let scaled = (drawn * self.start_scale).max(MIN_START_DISTANCE_M) + stagger;
+        // A scale of 1 keeps every bit.
+        let radius = scaled.min(drawn);
         let [x, y, z] = sample_direction(rng, stream);
-        let speed = rng.uniform_in(stream, 0.0, self.speed_ratio) * speed_limit(radius);
+        let ratio = self.speed_ratio * (SPEED_SCALE_RATIO * self.start_scale).min(1.0);
+        let speed = rng.uniform_in(stream, 0.0, ratio) * speed_limit(radius);
         let [vx, vy, vz] = sample_direction(rng, stream);
         [radius * x, radius * y, radius * z, speed * vx, speed * vy, speed * vz]
     }

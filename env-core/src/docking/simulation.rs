@@ -73,6 +73,7 @@ impl DockingSim {
 
     /// Starts a new episode in the same memory.
     pub fn reset(&mut self, start: &DeputyStarts) {
+        self.setup.time_limit = start.time_limit;
         self.deputy_count = start.deputies.clamp(1, MAX_DEPUTIES);
         self.deputies = start.states.map(Deputy::new);
         self.step = 0;

@@ -65,10 +65,23 @@ const THRUST_BOUND: ParamSpec = ParamSpec {
     description: "thrust on each axis is clamped to plus and minus this",
 };
 
+const START_SCALE: ParamSpec = ParamSpec {
+    description: "factor of the drawn start distances, which stay at 0.8 m or more; below 1, the time limit is 10 s/m, 40 s or \
+            more, and speeds at the start are multiplied by 4 times this, at most 1",
+    ..crate::space::START_SCALE
+};
+
+/// Start rungs of both tasks, from 1 % of the distance to all of it in equal ratios.
+pub(super) static START_RUNGS: [f64; 16] = [
+    0.01, 0.0136, 0.0185, 0.0251, 0.0341, 0.0464, 0.0631, 0.0858, 0.1166, 0.1585, 0.2154, 0.2929, 0.3981,
+    0.5412, 0.7356, 1.0,
+];
+
 /// Parameter space of `docking/single`.
-pub static SINGLE_SPACE: [ParamSpec; 4] = [START_RADIUS, SPEED_RATIO, TIME_LIMIT, THRUST_BOUND];
+pub static SINGLE_SPACE: [ParamSpec; 5] = [START_RADIUS, SPEED_RATIO, TIME_LIMIT, THRUST_BOUND, START_SCALE];
 /// Parameter space of `docking/multiagent`.
-pub static MULTIAGENT_SPACE: [ParamSpec; 5] = [DEPUTIES, START_RADIUS, SPEED_RATIO, TIME_LIMIT, THRUST_BOUND];
+pub static MULTIAGENT_SPACE: [ParamSpec; 6] =
+    [DEPUTIES, START_RADIUS, SPEED_RATIO, TIME_LIMIT, THRUST_BOUND, START_SCALE];
 
 // After 1 530 s, a quarter of an orbit, cross-track motion alone brings a deputy that starts at rest above the chief to
 // it. So every level has a shorter time limit.

@@ -43,7 +43,15 @@ const fn card(
     params: &'static [ParamSpec],
     levels: &'static LazyLock<Levels>,
 ) -> TaskMetadata {
-    TaskMetadata { id, world: WORLD_ID, description, params, options: &[], levels }
+    TaskMetadata {
+        id,
+        world: WORLD_ID,
+        description,
+        params,
+        options: &[],
+        levels,
+        start_rungs: &spaces::START_RUNGS,
+    }
 }
 
 /// The tasks of docking.

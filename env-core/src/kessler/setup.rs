@@ -78,6 +78,8 @@ pub struct KesslerSetup {
     pub warnings: WarningMode,
     /// Standard deviation of relative positions, LU.
     pub sigma: f64,
+    /// Factor of the distance between satellite 0 and the target radius at the start, at most 1.
+    pub start_scale: f64,
     /// Satellites of the layout, if it gives them.
     layout_satellites: Option<[Body; SATELLITES]>,
     /// Debris of the layout.
@@ -113,6 +115,7 @@ impl KesslerSetup {
                 _ => WarningMode::None,
             },
             sigma: param("sigma"),
+            start_scale: recipe.param("start_scale").unwrap_or(1.0),
             layout_satellites: None,
             layout_debris: Vec::new(),
             layout_rogues: Vec::new(),

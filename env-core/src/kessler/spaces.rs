@@ -17,7 +17,14 @@ pub static SURVIVAL_SPACE: [ParamSpec; PARAM_COUNT] = param_space(25.0, 100.0, 0
 /// Parameters of the eco_station task.
 pub static ECO_STATION_SPACE: [ParamSpec; PARAM_COUNT] = param_space(35.0, 50.0, 0.8, 0.0);
 /// Parameters of the rendezvous task.
-pub static RENDEZVOUS_SPACE: [ParamSpec; PARAM_COUNT] = param_space(50.0, 100.0, 1.0, 0.06);
+pub static RENDEZVOUS_SPACE: [ParamSpec; PARAM_COUNT + 1] = {
+    let [debris, fuel, spread, rogue_probability, rogue_speed, radar_range, sigma] =
+        param_space(50.0, 100.0, 1.0, 0.06);
+    [debris, fuel, spread, rogue_probability, rogue_speed, radar_range, sigma, START_SCALE]
+};
+/// Start rungs of the rendezvous task, from 5 % of the distance to all of it in equal ratios. At the first, satellite 0 has
+/// reached its target.
+pub static RENDEZVOUS_START_RUNGS: [f64; 8] = [0.05, 0.0767, 0.1177, 0.1805, 0.277, 0.4249, 0.6518, 1.0];
 /// Parameters of the formation task.
 pub static FORMATION_SPACE: [ParamSpec; PARAM_COUNT] = param_space(25.0, 100.0, 0.0, 0.0);
 
@@ -125,6 +132,12 @@ const SIGMA: ParamSpec = ParamSpec {
     harder: Harder::Up,
     description: "standard deviation of the relative position of two bodies; counts under risk: pc, and in the \
             probabilities and noise of warnings",
+};
+
+/// Factor of the distance between satellite 0 and its target radius.
+const START_SCALE: ParamSpec = ParamSpec {
+    description: "factor of the distance of satellite 0 from its target radius at the start",
+    ..crate::space::START_SCALE
 };
 
 /// Physics options of all kessler tasks.

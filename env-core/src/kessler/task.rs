@@ -39,7 +39,8 @@ const fn metadata(
     params: &'static [ParamSpec],
     levels: &'static LazyLock<Levels>,
 ) -> TaskMetadata {
-    TaskMetadata { id, world: WORLD_ID, description, params, options: &spaces::KESSLER_OPTIONS, levels }
+    let options = &spaces::KESSLER_OPTIONS;
+    TaskMetadata { id, world: WORLD_ID, description, params, options, levels, start_rungs: &[] }
 }
 
 /// All tasks, in the order in which the docs list them.
@@ -63,12 +64,15 @@ pub static KESSLER_TASKS: [KesslerTask; 4] = [
         objective: Objective::EcoStation,
     },
     KesslerTask {
-        metadata: metadata(
-            Objective::Rendezvous.task_id(),
-            "Bring satellite 0 to radius 100 LU and hold it there, without losing a satellite.",
-            &spaces::RENDEZVOUS_SPACE,
-            &spaces::RENDEZVOUS_LEVELS,
-        ),
+        metadata: TaskMetadata {
+            start_rungs: &spaces::RENDEZVOUS_START_RUNGS,
+            ..metadata(
+                Objective::Rendezvous.task_id(),
+                "Bring satellite 0 to radius 100 LU and hold it there, without losing a satellite.",
+                &spaces::RENDEZVOUS_SPACE,
+                &spaces::RENDEZVOUS_LEVELS,
+            )
+        },
         objective: Objective::Rendezvous,
     },
     KesslerTask {

@@ -47,6 +47,8 @@ pub struct TaskMetadata {
     pub options: &'static [OptionSpec],
     /// Default table of levels.
     pub levels: &'static LazyLock<Levels>,
+    /// Start rungs: values of the param `start_scale`, from the easiest start to 1. Empty if the task has none.
+    pub start_rungs: &'static [f64],
 }
 
 /// A task of a world: its spaces as data, its episodes, its bracket, its success rule and its action codec.
@@ -84,6 +86,11 @@ pub trait TaskSpec: Send + Sync {
     /// Default table of levels.
     fn levels(&self) -> &'static Levels {
         self.metadata().levels
+    }
+
+    /// Start rungs: values of the param `start_scale`, from the easiest start to 1, at any level. Empty if the task has none.
+    fn start_rungs(&self) -> &'static [f64] {
+        self.metadata().start_rungs
     }
 
     /// Largest number of steps of an episode, which is truncated after it.

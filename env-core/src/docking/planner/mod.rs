@@ -36,7 +36,7 @@ pub fn bracket(scenario: &Scenario) -> Result<Bracket, ScenarioError> {
         sim.apply_thrusts([[0.0; 3]; MAX_DEPUTIES]);
     }
     let hold = sim.outcome();
-    let planned = plan_jointly(&mut sim, &setup, &start);
+    let planned = plan_jointly(&mut sim, &start);
     let (reference, reference_plan) = match planned {
         Some(best) if is_better(&best.outcome, &hold) => (best.outcome, best.log),
         _ => (hold, hold_log(hold.steps)),
@@ -65,9 +65,10 @@ fn is_better(a: &EpisodeOutcome, b: &EpisodeOutcome) -> bool {
 }
 
 /// Searches for the best laws of all deputies together.
-fn plan_jointly(sim: &mut DockingSim, setup: &DockingSetup, start: &DeputyStarts) -> Option<JointPlan> {
+fn plan_jointly(sim: &mut DockingSim, start: &DeputyStarts) -> Option<JointPlan> {
+    let setup = *sim.setup();
     let states = &start.states[..start.deputies];
-    let ranked: Vec<Vec<SoloPlan>> = states.iter().map(|&state| SoloPlan::ranked(setup, state)).collect();
+    let ranked: Vec<Vec<SoloPlan>> = states.iter().map(|&state| SoloPlan::ranked(&setup, state)).collect();
     let mut choice = [0; MAX_DEPUTIES];
     let mut best: Option<JointPlan> = None;
     for _ in 0..MAX_JOINT_ATTEMPTS {

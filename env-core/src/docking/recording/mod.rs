@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use self::format::{DockingRecording, RecordedAgent, RecordedEpisode, RecordedStep};
 use super::DOCKING_TASKS;
-use super::constants::{COLLISION_DISTANCE_M, MAX_DEPUTIES, STATE_DIM};
+use super::constants::{COLLISION_DISTANCE_M, MAX_DEPUTIES};
 use super::end_conditions::EndConditions;
 use super::relative_motion::separation;
 use super::setup::{DeputyStarts, DockingSetup};
@@ -122,7 +122,7 @@ fn restore_start(episode: &RecordedEpisode) -> Result<DockingSim, String> {
     let recipe =
         Recipe::with_params(&DOCKING_TASKS[1], params.into_iter()).map_err(|error| error.to_string())?;
     let setup = DockingSetup::read(&recipe).map_err(|error| error.to_string())?;
-    let mut start = DeputyStarts { deputies, states: [[0.0; STATE_DIM]; MAX_DEPUTIES] };
+    let mut start = DeputyStarts::at_chief(deputies, setup.time_limit);
     for (state, recorded) in start.states.iter_mut().zip(episode.init_state.values()) {
         *state = *recorded;
     }

@@ -31,7 +31,7 @@ fn errors_name_field_value_and_range() {
     insta::assert_snapshot!(params("multiagent", json!({"thrust_bound": 0})), @"params.thrust_bound must be from 0.01 to 1, got 0");
     insta::assert_snapshot!(params("multiagent", json!({"start_radius": -1})), @"params.start_radius must be from 10 to 1000, got -1");
     insta::assert_snapshot!(params("multiagent", json!({"speed_ratio": null})), @"params.speed_ratio must be a finite number, got null");
-    insta::assert_snapshot!(params("single", json!({"deputies": 1})), @"params.deputies is not a known field; the known fields are start_radius, speed_ratio, time_limit_s, thrust_bound");
+    insta::assert_snapshot!(params("single", json!({"deputies": 1})), @"params.deputies is not a known field; the known fields are start_radius, speed_ratio, time_limit_s, thrust_bound, start_scale");
     let far = json!([[50, 0, 0, 0, 0, 0], [0, 60, 0, 0, 0, 0]]);
     let layout = |mode: &str, table: &str| json!({"mode": mode, "bodies": {table: far}});
     let multi = |layout: &Value| scenario("docking/multiagent", &json!({"deputies": 2}), layout);

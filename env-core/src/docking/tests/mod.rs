@@ -8,5 +8,6 @@ mod laws;
 mod levels;
 mod motion;
 mod reference;
+mod start_rungs;
 
 use crate::testing::at_level;

@@ -9,7 +9,7 @@ use crate::error::ScenarioError;
 use crate::kessler::body_blocks::{BLOCK_LEN, BodyBlocks};
 use crate::kessler::constants::{
     FAIR_STEPS, FAIR_TRIES, FORMATION_RADII, FORMATION_SIDE, FRAGMENTS, GM, HORIZON, ROGUE_RADIUS,
-    SATELLITE_RADII, SATELLITES,
+    SATELLITE_RADII, SATELLITES, TARGET_RADIUS,
 };
 use crate::kessler::debris_init::{self, DRAWS_PER_BODY};
 use crate::kessler::kernel::Body;
@@ -68,8 +68,9 @@ impl KesslerSetup {
         *satellites = match self.layout_satellites {
             Some(given) => given,
             None if self.starts_in_formation => draw_triangle(rng),
-            None => [(); SATELLITES].map(|()| {
-                let radius = rng.uniform_in(RngStream::Agents, SATELLITE_RADII.0, SATELLITE_RADII.1);
+            None => std::array::from_fn(|i| {
+                let drawn = rng.uniform_in(RngStream::Agents, SATELLITE_RADII.0, SATELLITE_RADII.1);
+                let radius = if i == 0 { self.scale_start_radius(drawn) } else { drawn };
                 Body::circular(radius, TAU * rng.uniform(RngStream::Agents), 1.0)
             }),
         };
@@ -80,6 +81,15 @@ impl KesslerSetup {
         }
         self.draw_rogues(rng, rogues);
         if self.fair { self.make_fair(rng, satellites, debris, rogues) } else { Ok(()) }
+    }
+
+    /// Radius of satellite 0 at the start, LU: the drawn one, nearer to its target by the start scale.
+    fn scale_start_radius(&self, drawn: f64) -> f64 {
+        if self.start_scale < 1.0 {
+            TARGET_RADIUS + (drawn - TARGET_RADIUS) * self.start_scale
+        } else {
+            drawn
+        }
     }
 
     /// Largest number of rogues of an episode.

@@ -14,6 +14,7 @@ mod planner_at_risk;
 mod planner_laws;
 mod reference;
 mod staging;
+mod start_rungs;
 mod step_judgements;
 mod tracks;
 mod upstream_differences;

@@ -62,7 +62,7 @@ const fn metadata(
     options: &'static [OptionSpec],
     levels: &'static LazyLock<Levels>,
 ) -> TaskMetadata {
-    TaskMetadata { id, world: WORLD_ID, description, params, options, levels }
+    TaskMetadata { id, world: WORLD_ID, description, params, options, levels, start_rungs: &[] }
 }
 
 /// The tasks of tasking.
