@@ -289,6 +289,10 @@ pub enum GroupRole {
     Edit,
     /// Scenario with one param at its bound.
     Boundary,
+    /// Scenario at the rung that a sampler chose.
+    Rung,
+    /// Scenario drawn from all rungs, so that none is forgotten.
+    Coverage,
     /// Scenario of a designed layout.
     Designed,
     /// Scenario of an evaluation suite.

@@ -27,6 +27,8 @@ pub struct Task {
     pub physics: Vec<PhysicsOption>,
     /// Default table of levels.
     pub levels: LevelTable,
+    /// Start rungs: values of the param `start_scale`, from the easiest start to 1. Empty if the task has none.
+    pub start_rungs: Vec<f64>,
     /// Number of agents at the start, at default params.
     pub agents: u32,
     /// Largest number of steps of an episode, at default params.

@@ -40,10 +40,10 @@ convert_enum!(evaluations::EvaluationState => api::EvaluationState { Open, Runni
 convert_enum!(events::EventKind => api::EventKind { Run, Lease, Group, Move, Claim, Failures, Design, Warning });
 convert_enum!(groups::GroupState => api::GroupState { Open, Complete, Partial, Lost });
 convert_enum!(groups::GroupRole => api::GroupRole {
-    Placement, Frontier, Rehearsal, Sample, Explore, Replay, Edit, Boundary, Designed, Suite,
+    Placement, Frontier, Rehearsal, Sample, Explore, Replay, Edit, Boundary, Rung, Coverage, Designed, Suite,
 });
 convert_enum!(api::GroupRole => groups::GroupRole {
-    Placement, Frontier, Rehearsal, Sample, Explore, Replay, Edit, Boundary, Designed, Suite,
+    Placement, Frontier, Rehearsal, Sample, Explore, Replay, Edit, Boundary, Rung, Coverage, Designed, Suite,
 });
 convert_enum!(layouts::LayoutState => api::DesignState { Active, Retired, Refused });
 convert_enum!(layouts::LayoutKind => api::LayoutKind { Threat, Decoy });

@@ -41,6 +41,7 @@ pub(crate) fn task_info(task: &str) -> PyResult<String> {
         "params": task.params(),
         "options": task.options(),
         "levels": levels,
+        "start_rungs": task.start_rungs(),
         "score_range": task.score_range(),
         "actions": task.action_space(),
         "agent_axes": task.agent_axes(),

@@ -12,6 +12,8 @@ pub struct GroupResult {
     pub number: i64,
     /// Proposal as JSON, if the group serves one.
     pub proposal: Option<String>,
+    /// Sum of the steps.
+    pub steps: Option<i64>,
     /// Mean of the scores.
     pub score: Option<f64>,
     /// Mean skill of the episodes that have one.
@@ -41,7 +43,8 @@ pub async fn read(
     let groups = to_json(&groups)?;
     Ok(sqlx::query_as!(
         GroupResult,
-        r#"SELECT wanted.value + 0 AS "number!: i64", p.body AS "proposal?: String", avg(e.score) AS "score?: f64",
+        r#"SELECT wanted.value + 0 AS "number!: i64", p.body AS "proposal?: String",
+                  sum(e.outcome ->> '$.steps') AS "steps?: i64", avg(e.score) AS "score?: f64",
                   avg(e.skill) AS "skill?: f64", min(e.score) AS "lowest?: f64", max(e.score) AS "highest?: f64",
                   avg(min(1.0, max(0.0, (e.reference - e.score)
                       / CASE WHEN e.reference - e.floor >= 0.05 THEN e.reference - e.floor

@@ -39,6 +39,10 @@ text_enum! {
         Edit = "edit",
         /// One parameter at its bound.
         Boundary = "boundary",
+        /// At the rung that a sampler chose.
+        Rung = "rung",
+        /// Drawn from all rungs, so that none is forgotten.
+        Coverage = "coverage",
         /// On a designed layout.
         Designed = "designed",
         /// A scenario of an evaluation suite.

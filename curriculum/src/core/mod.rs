@@ -7,6 +7,7 @@
 //! - `evidence`: blocks of outcomes, the posterior over success, and the level moves that rest on them.
 //! - `mastery`: the success rate per task and level, as far as contested scenarios show it.
 //! - `settings`: tasks, level tables, the strategy and its hyperparameters.
+//! - `rungs`: start rungs or levels of a task, on which samplers place proposals.
 //! - `scale`: the level table as a continuous space. `shares`: how tasks share the proposals.
 //! - `strategy`: the trait. `explanation`: status and rules as text. `snapshot`: the stored form of a curriculum.
 
@@ -16,6 +17,7 @@ pub(crate) mod explanation;
 pub(crate) mod mastery;
 pub(crate) mod outcome;
 pub(crate) mod proposal;
+pub(crate) mod rungs;
 pub(crate) mod scale;
 pub(crate) mod settings;
 pub(crate) mod shares;

@@ -18,6 +18,9 @@ pub struct GroupOutcome {
     pub task: String,
     /// Level of the proposal.
     pub level: Option<u32>,
+    /// Start rung of the proposal.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start_rung: Option<u32>,
     /// Epoch of the proposal.
     pub epoch: u32,
     /// Role of the proposal.
@@ -28,6 +31,9 @@ pub struct GroupOutcome {
     pub finished: u32,
     /// Number of successes among them.
     pub successes: u32,
+    /// Number of steps of these episodes together.
+    #[serde(default)]
+    pub steps: u64,
     /// Value of the group's slot; `None` if the group is no slot. Late results and evaluations never become outcomes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub evidence: Option<SuccessInterval>,
@@ -58,11 +64,13 @@ impl GroupOutcome {
             group,
             task: proposal.task.clone(),
             level: proposal.level,
+            start_rung: proposal.start_rung,
             epoch: proposal.epoch,
             role: proposal.role,
             contested: true,
             finished: 0,
             successes: 0,
+            steps: 0,
             evidence: Some(SuccessInterval::MISSING),
             usable: false,
             mean_score: 0.0,

@@ -26,6 +26,10 @@ pub enum ProposalRole {
     Edit,
     /// Holds one param at its moving bound (adr).
     Boundary,
+    /// Trains at the rung that a sampler chose (auto, staircase, controller, bandit).
+    Rung,
+    /// Draws from all rungs, so that none is forgotten (auto, staircase, controller).
+    Coverage,
 }
 
 /// Origin of a proposal's scenario.
@@ -78,8 +82,13 @@ impl ScenarioSource {
 pub struct Proposal {
     /// Id of the task.
     pub task: String,
-    /// Row of the task's level table; `None` if the params come from elsewhere (fixed, adr, alp_gmm).
+    /// Row of the task's level table; `None` if the params come from elsewhere (fixed, adr, alp_gmm), or if the start is easier
+    /// than that of any level (samplers).
     pub level: Option<u32>,
+    /// Start rung, whose `start_scale` is among the params; omitted from JSON if the task has no start rungs, or the strategy does
+    /// not use them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start_rung: Option<u32>,
     /// Number of moves of the task so far, steps of placement included. An outcome of an old epoch fills no block.
     pub epoch: u32,
     /// Purpose of the proposal.
@@ -121,6 +130,7 @@ impl Proposal {
         Self {
             task: plan.task.clone(),
             level,
+            start_rung: None,
             epoch: 0,
             role,
             contested: false,
@@ -138,6 +148,7 @@ impl Proposal {
     pub fn is_same_decision(&self, other: &Self) -> bool {
         self.task == other.task
             && self.level == other.level
+            && self.start_rung == other.start_rung
             && self.epoch == other.epoch
             && self.role == other.role
             && self.contested == other.contested

@@ -11,11 +11,13 @@ use super::scenario::SyntheticScenario;
 /// to three in ten of level 9.
 pub const SUCCESS_WIDTH: f64 = 1.5;
 /// Ability of an untrained learner: 12 % success on contested scenarios of level 0.
-const UNTRAINED_ABILITY: f64 = -3.0;
+pub(super) const UNTRAINED_ABILITY: f64 = -3.0;
 /// Highest ability: about one half on a row above the last.
 const MAX_ABILITY: f64 = 10.0;
 /// Gain on other tasks, as a share of the gain on the trained one.
 const TRANSFER: f64 = 0.2;
+/// Rows above its ability up to which a learner with prerequisites gains: there it succeeds in a tenth of the episodes.
+const PREREQUISITE_ROWS: f64 = 3.3;
 /// Failure rate of a learner on uncontested scenarios, which need no action.
 const NEEDLESS_FAILURE_RATE: f64 = 0.05;
 
@@ -32,6 +34,8 @@ pub enum LearnerKind {
     Noisy,
     /// Learns as `Fast`; scenarios differ so much that the episodes of a group mostly have the same result.
     Correlated,
+    /// Learns as `Fast`, but each row only once it succeeds sometimes on the rows below.
+    Chain,
     /// Never acts and never learns.
     Hold,
     /// Follows a plan that ignores observations.
@@ -42,12 +46,13 @@ pub enum LearnerKind {
 
 impl LearnerKind {
     /// All kinds of learner.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Slow,
         Self::Fast,
         Self::Forgetful,
         Self::Noisy,
         Self::Correlated,
+        Self::Chain,
         Self::Hold,
         Self::Blind,
         Self::Drops,
@@ -62,6 +67,7 @@ impl LearnerKind {
             Self::Forgetful => "forgetful",
             Self::Noisy => "noisy",
             Self::Correlated => "correlated",
+            Self::Chain => "chain",
             Self::Hold => "hold",
             Self::Blind => "blind",
             Self::Drops => "drops",
@@ -77,6 +83,7 @@ impl LearnerKind {
             Self::Forgetful => "learns like fast, and forgets four rows every 10 000 episodes",
             Self::Noisy => "learns like fast, and a coin decides three in ten of its outcomes",
             Self::Correlated => "learns like fast, and the episodes of a group mostly end alike",
+            Self::Chain => "learns like fast, but each row only once it succeeds sometimes on those below",
             Self::Hold => "never acts",
             Self::Blind => "follows a plan that ignores observations",
             Self::Drops => "learns like slow, and reports half of its failures as lost",
@@ -87,7 +94,7 @@ impl LearnerKind {
     const fn learning_rate(self) -> f64 {
         match self {
             Self::Slow | Self::Drops => 0.0008,
-            Self::Fast | Self::Forgetful | Self::Noisy | Self::Correlated => 0.0025,
+            Self::Fast | Self::Forgetful | Self::Noisy | Self::Correlated | Self::Chain => 0.0025,
             Self::Hold | Self::Blind => 0.0,
         }
     }
@@ -198,7 +205,10 @@ impl Learner {
     fn learn(&mut self, task: &str, scenario: &SyntheticScenario, success: f64) {
         let signal = if scenario.contested { 4.0 * success * (1.0 - success) } else { 0.02 };
         // The minimum stands for a first success by luck, with which learning begins.
-        let gain = self.kind.learning_rate() * signal.max(if scenario.solvable { 0.02 } else { 0.0 });
+        let has_prerequisite =
+            self.kind != LearnerKind::Chain || self.ability(task) >= scenario.difficulty - PREREQUISITE_ROWS;
+        let luck = if scenario.solvable { 0.02 } else { 0.0 };
+        let gain = if has_prerequisite { self.kind.learning_rate() * signal.max(luck) } else { 0.0 };
         for (known, ability) in &mut self.ability {
             let gain = if known == task { gain } else { TRANSFER * gain };
             *ability = (*ability + gain).min(MAX_ABILITY);

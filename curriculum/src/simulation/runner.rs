@@ -5,19 +5,23 @@ use std::collections::{BTreeMap, VecDeque};
 use env_core::KeyedRng;
 use env_core::keyed_rng::RngPurpose;
 
-use super::learner::{GroupResult, Learner};
+use super::learner::{GroupResult, Learner, UNTRAINED_ABILITY};
 use super::scenario::{Selection, SyntheticScenario};
 use super::trainer::{LEASE_GROUPS, TrainerKind};
+use crate::core::rungs::RungScale;
 use crate::{
     Curriculum, EpisodeTally, GroupOutcome, LearningSignals, LevelMove, ObservedOutcome, Proposal,
     ProposalRole, ScenarioSource, SequencedProposal, Settings, SettingsError, Slot, SuccessInterval,
-    TaskStatus, difficulty,
+    TaskPlan, TaskStatus, difficulty,
 };
 
 /// Score of an episode that succeeds.
 const SUCCESS_SCORE: f64 = 0.9;
 /// Score of an episode that fails.
 const FAILURE_SCORE: f64 = 0.2;
+
+/// Number of steps of every episode.
+const EPISODE_STEPS: u64 = 50;
 
 /// Number of later results after which a slot without a result is missing. The simulation has no clock: the time of a
 /// lease is over by then.
@@ -206,9 +210,10 @@ impl Simulator<'_> {
         let proposals: Vec<SequencedProposal> = self.queue.drain(..LEASE_GROUPS).collect();
         let group = |SequencedProposal { seq, proposal }| {
             let plan = self.plan.settings.task(&proposal.task);
-            let difficulty = plan.map_or(0.0, |plan| difficulty(plan, &proposal.params));
+            let difficulty = plan.map_or(0.0, |plan| simulated_difficulty(plan, &proposal));
             let scenario = self.scenario(seq, &proposal, difficulty);
-            let slot = (scenario.contested && proposal.source.is_fresh()).then(|| Slot {
+            let can_show_mastery = proposal.source.is_fresh() && proposal.has_full_start();
+            let slot = (scenario.contested && can_show_mastery).then(|| Slot {
                 proposal: seq,
                 group: 0,
                 lease: self.leases,
@@ -301,6 +306,19 @@ impl Simulator<'_> {
     }
 }
 
+/// Difficulty of a proposal, in rows. Start rungs lie between the row of an untrained learner and that of the params.
+#[must_use]
+pub fn simulated_difficulty(plan: &TaskPlan, proposal: &Proposal) -> f64 {
+    let full = difficulty(plan, &proposal.params);
+    let top = RungScale::new(plan).top();
+    match proposal.start_rung {
+        Some(rung) => {
+            UNTRAINED_ABILITY + (full - UNTRAINED_ABILITY) * f64::from(rung) / f64::from(top.max(1))
+        }
+        None => full,
+    }
+}
+
 /// Outcome of a group that is no evidence, as the service would report it to the curriculum.
 #[must_use]
 pub fn group_outcome(
@@ -316,11 +334,13 @@ pub fn group_outcome(
         group: 0,
         task: proposal.task.clone(),
         level: proposal.level,
+        start_rung: proposal.start_rung,
         epoch: proposal.epoch,
         role: proposal.role,
         contested: scenario.contested,
         finished,
         successes,
+        steps: EPISODE_STEPS * u64::from(finished),
         evidence: None,
         usable: finished > 0,
         mean_score: FAILURE_SCORE + (SUCCESS_SCORE - FAILURE_SCORE) * success_rate,

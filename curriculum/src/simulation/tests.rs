@@ -219,7 +219,7 @@ fn every_strategy_restores_from_snapshot_and_events() {
         for n in 0..1500u64 {
             let SequencedProposal { seq, proposal } = curriculum.propose();
             events.push((seq, CurriculumEvent::Proposed(proposal.clone())));
-            let difficulty = crate::difficulty(settings.task(&proposal.task).unwrap(), &proposal.params);
+            let difficulty = runner::simulated_difficulty(settings.task(&proposal.task).unwrap(), &proposal);
             let scenario = SyntheticScenario::draw(7, seq, &proposal, difficulty);
             let result = learner.run_group(&proposal.task, &scenario, 4, true, &mut rng);
             let outcome = runner::group_outcome(seq, &proposal, &scenario, result);
@@ -252,4 +252,20 @@ fn every_strategy_restores_from_snapshot_and_events() {
         }
         assert_eq!(restored.snapshot(), curriculum.snapshot(), "{strategy}");
     });
+}
+
+/// A learner whose rows are prerequisites of each other learns all of them under a sampler, and nothing under uniform draws.
+#[test]
+fn samplers_teach_a_chain_of_prerequisites() {
+    let ability = |strategy| {
+        let trace = run(LearnerKind::Chain, &plan(settings(strategy), 100_000, 4, 1));
+        SimulationSummary::new(&trace).ability
+    };
+    let found =
+        [StrategyKind::Staircase, StrategyKind::Controller, StrategyKind::Bandit, StrategyKind::Uniform]
+            .into_par_iter()
+            .map(ability)
+            .collect::<Vec<f64>>();
+    println!("{found:?}");
+    assert!(found[..3].iter().all(|ability| *ability > 5.0) && found[3] < -2.0, "{found:?}");
 }

@@ -4,6 +4,7 @@
 //! status and explanation in `explain.rs`. The hyperparameters of all strategies are declared in
 //! `core/settings/hyperparameters`, because settings are checked against them.
 //!
+//! - `samplers`: react to every group: staircase, controller, bandit, and `auto`, which chooses one of them.
 //! - `ladder`: moves up and down a task's level table on evidence; the default.
 //! - `uniform`, `fixed`: the baselines.
 //! - `adr`: automatic domain randomisation, a moving bound for each param.
@@ -17,6 +18,7 @@ mod fixed;
 mod ladder;
 mod learnability;
 mod replay;
+mod samplers;
 mod uniform;
 
 use serde_json::Value;
@@ -27,6 +29,7 @@ use self::fixed::Fixed;
 use self::ladder::Ladder;
 use self::learnability::Learnability;
 use self::replay::Replay;
+use self::samplers::{Bandit, Choice, Controller, Sampled, Staircase};
 use self::uniform::Uniform;
 use crate::core::settings::{Settings, StrategyKind};
 use crate::core::snapshot::RestoreError;
@@ -35,6 +38,10 @@ use crate::core::strategy::{Strategy, StrategyState};
 /// Creates the strategy of these settings, before its first event.
 pub(crate) fn create(settings: &Settings) -> Box<dyn Strategy> {
     match settings.strategy {
+        StrategyKind::Auto => Box::new(Sampled::<Choice>::new(settings)),
+        StrategyKind::Staircase => Box::new(Sampled::<Staircase>::new(settings)),
+        StrategyKind::Controller => Box::new(Sampled::<Controller>::new(settings)),
+        StrategyKind::Bandit => Box::new(Sampled::<Bandit>::new(settings)),
         StrategyKind::Ladder => Box::new(Ladder::new(settings)),
         StrategyKind::Uniform => Box::new(Uniform::new(settings)),
         StrategyKind::Fixed => Box::new(Fixed::new(settings)),
@@ -56,6 +63,10 @@ pub(crate) fn restore(
     state: &Value,
 ) -> Result<Box<dyn Strategy>, RestoreError> {
     match settings.strategy {
+        StrategyKind::Auto => restore_as::<Sampled<Choice>>(settings, version, state),
+        StrategyKind::Staircase => restore_as::<Sampled<Staircase>>(settings, version, state),
+        StrategyKind::Controller => restore_as::<Sampled<Controller>>(settings, version, state),
+        StrategyKind::Bandit => restore_as::<Sampled<Bandit>>(settings, version, state),
         StrategyKind::Ladder => restore_as::<Ladder>(settings, version, state),
         StrategyKind::Uniform => restore_as::<Uniform>(settings, version, state),
         StrategyKind::Fixed => restore_as::<Fixed>(settings, version, state),

@@ -30,11 +30,13 @@ pub(super) fn outcome(task: &str, level: Option<u32>, finished: u32, successes: 
         group: 0,
         task: task.to_owned(),
         level,
+        start_rung: None,
         epoch: 0,
         role: ProposalRole::Frontier,
         contested: true,
         finished,
         successes,
+        steps: 50 * u64::from(finished),
         evidence: Some(interval(finished, finished, successes)),
         usable: finished > 0,
         mean_score: 0.5,
@@ -74,7 +76,7 @@ pub(super) fn observe_new(curriculum: &mut Curriculum, outcome: &GroupOutcome) -
 
 /// True if the scenario of a proposal is evidence: it is contested if the proposal asked for it.
 fn is_slot(proposal: &Proposal) -> bool {
-    proposal.contested && proposal.source.is_fresh()
+    proposal.contested && proposal.source.is_fresh() && proposal.has_full_start()
 }
 
 /// A frontier outcome at the current level and epoch.
@@ -108,6 +110,7 @@ fn outcome_of(proposed: &SequencedProposal, finished: u32, successes: u32) -> Gr
     let proposal = &proposed.proposal;
     GroupOutcome {
         proposal: proposed.seq,
+        start_rung: proposal.start_rung,
         epoch: proposal.epoch,
         role: proposal.role,
         contested: proposal.contested,

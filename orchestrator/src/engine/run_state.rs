@@ -305,6 +305,8 @@ pub(crate) const fn group_role(role: ProposalRole) -> GroupRole {
         ProposalRole::Replay => GroupRole::Replay,
         ProposalRole::Edit => GroupRole::Edit,
         ProposalRole::Boundary => GroupRole::Boundary,
+        ProposalRole::Rung => GroupRole::Rung,
+        ProposalRole::Coverage => GroupRole::Coverage,
     }
 }
 

@@ -23,7 +23,7 @@ use crate::leases::audit_sample::{RecipeRange, SampledGroup, draw_sample};
 use crate::leases::create::{CreateLease, GrantedLease, TTL_S, counts_as_evidence};
 use crate::leases::prepare::recipe_of;
 use crate::leases::seeds::seed_of;
-use crate::leases::slots::slot_of;
+use crate::leases::slots::{can_show_mastery, slot_of};
 use crate::metrics::LeaseEvent;
 use crate::runs::settings::MAX_GROUP_SIZE;
 use crate::runs::validate::{check_episodes, check_range};
@@ -88,9 +88,10 @@ impl ReserveRanges {
             return Err(ServiceError::invalid("refill", why));
         }
         let strategy = state.settings.curriculum.strategy;
-        if strategy.replays_scenarios() {
+        if !strategy.supports_columns() {
             let why = format!(
-                "must be groups: the strategy {strategy} repeats scenarios, which ranges of seeds cannot contain"
+                "must be groups: the strategy {strategy} chooses every scenario by the results before it, which ranges of \
+                 seeds cannot follow"
             );
             return Err(ServiceError::invalid("form", why));
         }
@@ -179,7 +180,7 @@ impl CreateColumnLease {
             let range = self.ranges.iter().map(|of| &of.range).find(|range| range.holds(group.number));
             let proposal = range.and_then(|range| Some((range.proposal, proposals.get(&range.proposal)?)));
             let Some((seq, proposal)) = proposal else { continue }; // each group is in a range, which has its proposal
-            let is_slot = is_evidence && group.is_contested && proposal.source.is_fresh();
+            let is_slot = is_evidence && group.is_contested && can_show_mastery(proposal);
             if is_slot {
                 slots.push(slot_of(row.id, seq, to_u32(group.number), proposal));
             }

@@ -221,7 +221,18 @@ class Episodes:
         success: bool | None = None,
         mode: str | None = None,
         role: Literal[
-            "placement", "frontier", "rehearsal", "sample", "explore", "replay", "edit", "boundary", "designed", "suite"
+            "placement",
+            "frontier",
+            "rehearsal",
+            "sample",
+            "explore",
+            "replay",
+            "edit",
+            "boundary",
+            "rung",
+            "coverage",
+            "designed",
+            "suite",
         ]
         | None = None,
         layout: str | None = None,
@@ -992,7 +1003,18 @@ class AsyncEpisodes:
         success: bool | None = None,
         mode: str | None = None,
         role: Literal[
-            "placement", "frontier", "rehearsal", "sample", "explore", "replay", "edit", "boundary", "designed", "suite"
+            "placement",
+            "frontier",
+            "rehearsal",
+            "sample",
+            "explore",
+            "replay",
+            "edit",
+            "boundary",
+            "rung",
+            "coverage",
+            "designed",
+            "suite",
         ]
         | None = None,
         layout: str | None = None,

@@ -673,7 +673,18 @@ class GroupRefill(TypedDict):
 
 
 GroupRole: TypeAlias = Literal[
-    "placement", "frontier", "rehearsal", "sample", "explore", "replay", "edit", "boundary", "designed", "suite"
+    "placement",
+    "frontier",
+    "rehearsal",
+    "sample",
+    "explore",
+    "replay",
+    "edit",
+    "boundary",
+    "rung",
+    "coverage",
+    "designed",
+    "suite",
 ]
 """Role of a group: the role of its proposal in the curriculum, or its origin."""
 
@@ -2388,6 +2399,8 @@ class Task(TypedDict):
     """Angle by whose sectors failure profiles are divided."""
     speed_bands: TaskSpeedBands
     """Bands of relative speed in failure profiles."""
+    start_rungs: list[float]
+    """Start rungs: values of the param `start_scale`, from the easiest start to 1. Empty if the task has none."""
     time_limit_s: NotRequired[float | None]
     """Time after which an episode is truncated, in seconds, at default params; null in a world that counts steps."""
     world: str

@@ -192,11 +192,13 @@ fn outcome(open: &OpenGroup, successes: usize) -> GroupOutcome {
         group: 0,
         task: open.proposal.task.clone(),
         level: open.proposal.level,
+        start_rung: None,
         epoch: open.proposal.epoch,
         role: open.proposal.role,
         contested: is_contested(&open.scenario, &open.bracket),
         finished: MEMBERS as u32,
         successes: successes as u32,
+        steps: 0,
         evidence: is_contested(&open.scenario, &open.bracket).then(|| {
             let (size, successes) = (MEMBERS as u32, successes as u32);
             SuccessInterval::of_episodes(EpisodeTally { size, finished: size, successes, abandoned: 0 })

@@ -3,12 +3,20 @@
 use serde::{Deserialize, Serialize};
 
 use super::hyperparameters::spec::Hyperparameter;
-use super::hyperparameters::{adr, alp_gmm, learnability, replay};
+use super::hyperparameters::{adr, alp_gmm, bandit, controller, learnability, replay, staircase};
 
 /// Strategy that makes the proposals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StrategyKind {
+    /// Takes for each task the sampler that trained it best.
+    Auto,
+    /// Climbs the rungs of each task by many chains, up after a success and down after a failure (Levitt 1971).
+    Staircase,
+    /// Moves one position on the rungs towards a success rate of one half (Shi et al. 2025).
+    Controller,
+    /// Draws rungs by p(1 − p) of their success rate.
+    Bandit,
     /// Moves up and down each task's level table on evidence. The default.
     Ladder,
     /// Draws levels uniformly: domain randomisation (Tobin et al. 2017).
@@ -30,8 +38,12 @@ pub enum StrategyKind {
 }
 
 impl StrategyKind {
-    /// All strategies, the default first.
-    pub const ALL: [Self; 9] = [
+    /// All strategies, samplers first.
+    pub const ALL: [Self; 13] = [
+        Self::Auto,
+        Self::Staircase,
+        Self::Controller,
+        Self::Bandit,
         Self::Ladder,
         Self::Uniform,
         Self::Fixed,
@@ -47,6 +59,10 @@ impl StrategyKind {
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
+            Self::Auto => "auto",
+            Self::Staircase => "staircase",
+            Self::Controller => "controller",
+            Self::Bandit => "bandit",
             Self::Ladder => "ladder",
             Self::Uniform => "uniform",
             Self::Fixed => "fixed",
@@ -63,6 +79,10 @@ impl StrategyKind {
     #[must_use]
     pub const fn description(self) -> &'static str {
         match self {
+            Self::Auto => "takes for each task the sampler that trained it best",
+            Self::Staircase => "climbs rungs by many chains, up after a success and down after a failure",
+            Self::Controller => "follows a success rate of one half with one position on the rungs",
+            Self::Bandit => "draws rungs by p(1 − p) of their success rate",
             Self::Ladder => "moves up and down each task's level table on evidence",
             Self::Uniform => "draws levels uniformly: domain randomisation",
             Self::Fixed => "takes the tasks in turn, at their default params",
@@ -79,7 +99,10 @@ impl StrategyKind {
     #[must_use]
     pub const fn hyperparameters(self) -> &'static [Hyperparameter] {
         match self {
-            Self::Ladder | Self::Uniform | Self::Fixed => &[],
+            Self::Auto | Self::Ladder | Self::Uniform | Self::Fixed => &[],
+            Self::Staircase => staircase::ALL,
+            Self::Controller => controller::ALL,
+            Self::Bandit => bandit::ALL,
             Self::Adr => adr::ALL,
             Self::Learnability => learnability::ALL,
             Self::Plr | Self::PlrRobust => replay::PLR,
@@ -92,6 +115,18 @@ impl StrategyKind {
     #[must_use]
     pub const fn trains_on_replays_only(self) -> bool {
         matches!(self, Self::PlrRobust | Self::Accel)
+    }
+
+    /// True if the strategy samples rungs, and so reacts to every group.
+    #[must_use]
+    pub const fn samples_rungs(self) -> bool {
+        matches!(self, Self::Auto | Self::Staircase | Self::Controller | Self::Bandit)
+    }
+
+    /// True if leases of columns suit the strategy. They report the outcomes of few groups, and many groups share a proposal.
+    #[must_use]
+    pub const fn supports_columns(self) -> bool {
+        !(self.replays_scenarios() || self.samples_rungs())
     }
 
     /// True if the strategy repeats single scenarios, which must therefore be handed out one by one.

@@ -15,7 +15,7 @@ pub(super) async fn list_strategies(_: NoQuery) -> Result<axum::Json<StrategyLis
     let strategy = |kind: StrategyKind| Strategy {
         name: kind.name().to_owned(),
         description: kind.description().to_owned(),
-        supports_columns: !kind.replays_scenarios(),
+        supports_columns: kind.supports_columns(),
         settings: kind.hyperparameters().iter().map(strategy_setting).collect(),
     };
     Ok(axum::Json(StrategyList { strategies: StrategyKind::ALL.into_iter().map(strategy).collect() }))

@@ -33,6 +33,7 @@ fn task_response(task: &'static dyn TaskSpec) -> Result<Task, Problem> {
         params: task.params().iter().map(task_param).collect(),
         physics: task.options().iter().map(physics_option).collect(),
         levels: level_table(task.levels()),
+        start_rungs: task.start_rungs().to_vec(),
         agents: task.agents(&recipe),
         horizon: task.horizon(&recipe),
         time_limit_s: task.time_limit_s(&recipe),

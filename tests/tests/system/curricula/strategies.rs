@@ -44,7 +44,7 @@ async fn every_strategy_proposes_the_same_after_a_restart() {
     let listed = Server::start().await.api().get("/v1/strategies").await.expect(200);
     let names: Vec<String> =
         listed["strategies"].as_array().unwrap().iter().map(|s| text(&s["name"])).collect();
-    assert_eq!(names.len(), 9, "{names:?}");
+    assert_eq!(names.len(), 13, "{names:?}");
     for name in names {
         let (mut server, uninterrupted) = (Server::start().await, Server::start().await);
         for api in [server.api(), uninterrupted.api()] {

@@ -5,9 +5,12 @@
 
 pub(crate) mod adr;
 pub(crate) mod alp_gmm;
+pub(crate) mod bandit;
+pub(crate) mod controller;
 pub(crate) mod learnability;
 pub(crate) mod replay;
 pub(crate) mod spec;
+pub(crate) mod staircase;
 
 use std::collections::BTreeMap;
 

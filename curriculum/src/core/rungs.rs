@@ -1,0 +1,94 @@
+//! Rungs of a task: the steps of difficulty on which samplers place proposals.
+//!
+//! A task with start rungs has those: each is a value of the param `start_scale`, and the level is drawn uniformly. Any other
+//! task has its levels.
+
+use env_core::{KeyedRng, TaskSpec};
+
+use super::proposal::{Proposal, ProposalRole};
+use super::settings::TaskPlan;
+
+/// Name of the param that start rungs set.
+const START_SCALE: &str = "start_scale";
+
+/// Rungs of a task under a plan, counted from 0, the easiest.
+#[derive(Clone, Copy)]
+pub(crate) struct RungScale<'a> {
+    plan: &'a TaskPlan,
+    task: Option<&'static dyn TaskSpec>,
+    /// Values of `start_scale`; empty if levels are the rungs.
+    starts: &'static [f64],
+}
+
+impl<'a> RungScale<'a> {
+    pub(crate) fn new(plan: &'a TaskPlan) -> Self {
+        let task = env_core::task(&plan.task);
+        // A plan that scales starts by itself leaves nothing to the rungs.
+        let has_own_scale = plan.levels.columns().iter().any(|column| column == START_SCALE)
+            || plan.default_params.iter().any(|(name, value)| name == START_SCALE && *value != 1.0);
+        let starts = task.map_or(&[][..], TaskSpec::start_rungs);
+        Self { plan, task, starts: if has_own_scale { &[] } else { starts } }
+    }
+
+    /// True if the rungs are starts, at levels drawn uniformly.
+    pub(crate) const fn are_starts(&self) -> bool {
+        !self.starts.is_empty()
+    }
+
+    /// Number of the hardest rung.
+    pub(crate) fn top(&self) -> u32 {
+        if self.are_starts() {
+            u32::try_from(self.starts.len() - 1).unwrap_or(u32::MAX)
+        } else {
+            self.plan.hardest_level()
+        }
+    }
+
+    /// Number of rungs of the task.
+    pub(crate) fn len(&self) -> u32 {
+        self.top().saturating_add(1)
+    }
+
+    /// True if a blind plan can succeed, so that only contested scenarios show whether acting helps.
+    pub(crate) fn can_be_blind(&self) -> bool {
+        self.task.is_some_and(TaskSpec::blind_can_succeed)
+    }
+
+    /// Largest number of steps of an episode at the default params.
+    pub(crate) fn horizon(&self) -> u32 {
+        let params = self.plan.default_params.iter().map(|(name, value)| (name.as_str(), *value));
+        let recipe = self.task.and_then(|task| env_core::Recipe::with_params(task, params).ok());
+        recipe.map_or(1, |recipe| recipe.task().horizon(&recipe))
+    }
+
+    /// Rung of a proposal or an outcome with this start rung and level.
+    pub(crate) fn rung(&self, start_rung: Option<u32>, level: Option<u32>) -> Option<u32> {
+        let rung = if self.are_starts() { start_rung } else { level };
+        rung.filter(|rung| *rung <= self.top())
+    }
+
+    /// Proposes a fresh scenario at a rung, without a reason. A start that is easier than the task's belongs to no level.
+    pub(crate) fn propose(&self, rung: u32, role: ProposalRole, rng: &mut KeyedRng) -> Proposal {
+        if !self.are_starts() {
+            return Proposal::fresh(self.plan, Some(rung), role);
+        }
+        let level = rng.below(self.plan.hardest_level() + 1);
+        let mut proposal = Proposal::fresh(self.plan, Some(level), role);
+        let scale = self.starts.get(rung as usize).copied().unwrap_or(1.0);
+        proposal.start_rung = Some(rung);
+        proposal.level = Some(level).filter(|_| scale >= 1.0);
+        match proposal.params.iter_mut().find(|(name, _)| name == START_SCALE) {
+            Some((_, value)) => *value = scale,
+            None => proposal.params.push((START_SCALE.to_owned(), scale)),
+        }
+        proposal
+    }
+}
+
+impl Proposal {
+    /// True if the start is as hard as the task has it. Only such scenarios can show mastery of their level.
+    #[must_use]
+    pub fn has_full_start(&self) -> bool {
+        self.params.iter().all(|(name, value)| name != START_SCALE || *value >= 1.0)
+    }
+}

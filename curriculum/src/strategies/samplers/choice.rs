@@ -1,0 +1,143 @@
+//! Choice of a sampler for each task, by a table of measurements. The strategy `auto`.
+
+use env_core::KeyedRng;
+use serde::{Deserialize, Serialize};
+
+use super::{RungResult, Sampler, SamplerSetting, Staircase};
+use crate::core::rungs::RungScale;
+use crate::core::settings::{Hyperparameters, TaskPlan};
+
+/// Sampler that the table names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum SamplerName {
+    Staircase,
+    Uniform,
+}
+
+/// Choice for a task, with its reason as the end of a sentence.
+struct TaskChoice {
+    task: &'static str,
+    sampler: SamplerName,
+    reason: &'static str,
+}
+
+/// Choices by measurement. `docs/reference/strategies-measured.md` has the numbers.
+const CHOICES: [TaskChoice; 6] = [
+    TaskChoice {
+        task: "docking/single",
+        sampler: SamplerName::Staircase,
+        reason: "it needs less than half the steps of uniform levels",
+    },
+    TaskChoice {
+        task: "docking/multiagent",
+        sampler: SamplerName::Staircase,
+        reason: "it needs less than half the steps of uniform levels",
+    },
+    TaskChoice {
+        task: "kessler/survival",
+        sampler: SamplerName::Staircase,
+        reason: "contested scenarios at the agent's own level teach it faster than uniform levels",
+    },
+    TaskChoice {
+        task: "kessler/rendezvous",
+        sampler: SamplerName::Staircase,
+        reason: "starts near the target teach it faster than uniform levels",
+    },
+    TaskChoice {
+        task: "kessler/eco_station",
+        sampler: SamplerName::Uniform,
+        reason: "no sampler was better than uniform levels",
+    },
+    TaskChoice {
+        task: "kessler/formation",
+        sampler: SamplerName::Uniform,
+        reason: "no sampler was better than uniform levels",
+    },
+];
+
+/// Sampler of a task, as it was chosen when the task began.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(in crate::strategies) enum Choice {
+    /// Chains that climb the rungs.
+    Staircase(Staircase),
+    /// Levels are drawn uniformly, at full starts.
+    Uniform,
+}
+
+/// The choice for a task under a plan: the sampler, and its reason.
+fn choose_sampler(plan: &TaskPlan) -> (SamplerName, &'static str) {
+    let rungs = RungScale::new(plan);
+    match CHOICES.iter().find(|choice| choice.task == plan.task) {
+        Some(choice) => (choice.sampler, choice.reason),
+        None if rungs.are_starts() => {
+            (SamplerName::Staircase, "the task was not measured, and it has start rungs")
+        }
+        None => (SamplerName::Uniform, "the task was not measured, and it has no start rungs"),
+    }
+}
+
+impl Sampler for Choice {
+    const VERSION: u32 = 1;
+    const SUMMARY: &'static str =
+        "Each task has the sampler that trained it best when samplers were compared.";
+
+    fn new(plan: &TaskPlan) -> Self {
+        match choose_sampler(plan).0 {
+            SamplerName::Staircase => Self::Staircase(Staircase::new(plan)),
+            SamplerName::Uniform => Self::Uniform,
+        }
+    }
+
+    fn coverage(&self, hyperparameters: &Hyperparameters) -> f64 {
+        match self {
+            Self::Staircase(sampler) => sampler.coverage(hyperparameters),
+            Self::Uniform => 0.0,
+        }
+    }
+
+    fn choose(&self, setting: &SamplerSetting<'_>, rng: &mut KeyedRng) -> (u32, String) {
+        match self {
+            Self::Staircase(sampler) => sampler.choose(setting, rng),
+            Self::Uniform if setting.rungs.are_starts() => {
+                (setting.rungs.top(), "a level drawn uniformly".to_owned())
+            }
+            Self::Uniform => (rng.below(setting.rungs.len()), "drawn uniformly".to_owned()),
+        }
+    }
+
+    fn observe(
+        &mut self,
+        result: &RungResult,
+        setting: &SamplerSetting<'_>,
+        chosen_by: KeyedRng,
+        rng: KeyedRng,
+    ) {
+        match self {
+            Self::Staircase(sampler) => sampler.observe(result, setting, chosen_by, rng),
+            Self::Uniform => {}
+        }
+    }
+
+    fn is_contested(&self, setting: &SamplerSetting<'_>) -> bool {
+        match self {
+            Self::Staircase(sampler) => sampler.is_contested(setting),
+            Self::Uniform => false,
+        }
+    }
+
+    fn describe(&self, plan: &TaskPlan, setting: &SamplerSetting<'_>) -> String {
+        let (name, state) = match self {
+            Self::Staircase(sampler) => ("staircase", sampler.describe(plan, setting)),
+            Self::Uniform => ("uniform", "levels are drawn uniformly".to_owned()),
+        };
+        format!("{name}, because {}: {state}", choose_sampler(plan).1)
+    }
+
+    fn quartiles(&self, setting: &SamplerSetting<'_>) -> Option<[f64; 3]> {
+        match self {
+            Self::Staircase(sampler) => sampler.quartiles(setting),
+            Self::Uniform => None,
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! Staircase: interleaved up-and-down staircases.
+//!
+//! Many chains climb the rungs independently of each other. A success moves a chain up by a fraction of a rung and a failure moves
+//! it down by as much, so each chain hovers where half of the episodes succeed (Levitt 1971, *J. Acoust. Soc. Am.* 49, 467–477;
+//! Cornsweet 1962 interleaves them). A chain that climbs past the top goes on at a random rung, so that an agent that has
+//! learnt all rungs meets all of them.
+
+use env_core::KeyedRng;
+use serde::{Deserialize, Serialize};
+
+use super::{RungResult, Sampler, SamplerSetting};
+use crate::core::settings::hyperparameters::staircase::{CHAINS, COVERAGE, STEP};
+use crate::core::settings::{Hyperparameters, TaskPlan};
+
+/// Positions of the chains on the rungs. A chain without an entry is at 0.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub(in crate::strategies) struct Staircase {
+    positions: Vec<f64>,
+}
+
+impl Sampler for Staircase {
+    const VERSION: u32 = 1;
+    const SUMMARY: &'static str =
+        "Chains climb a fraction of a rung after each success and fall as much after each failure.";
+
+    fn new(_: &TaskPlan) -> Self {
+        Self::default()
+    }
+
+    fn coverage(&self, hyperparameters: &Hyperparameters) -> f64 {
+        hyperparameters.number(&COVERAGE)
+    }
+
+    fn choose(&self, setting: &SamplerSetting<'_>, rng: &mut KeyedRng) -> (u32, String) {
+        let chain = draw_chain(setting, rng);
+        let position = self.positions.get(chain as usize).copied().unwrap_or(0.0);
+        (floor(position).min(setting.rungs.top()), format!("chain {chain} is at {position:.2}"))
+    }
+
+    fn observe(
+        &mut self,
+        result: &RungResult,
+        setting: &SamplerSetting<'_>,
+        mut chosen_by: KeyedRng,
+        mut rng: KeyedRng,
+    ) {
+        let chain = draw_chain(setting, &mut chosen_by) as usize;
+        if self.positions.len() <= chain {
+            self.positions.resize(chain + 1, 0.0);
+        }
+        let step = setting.hyperparameters.number(&STEP);
+        let change = step * (f64::from(result.successes) - f64::from(result.failures));
+        let position = (self.positions[chain] + change).max(0.0);
+        let is_past_top = position >= f64::from(setting.rungs.len());
+        self.positions[chain] =
+            if is_past_top { f64::from(rng.below(setting.rungs.len())) } else { position };
+    }
+
+    fn describe(&self, _: &TaskPlan, setting: &SamplerSetting<'_>) -> String {
+        let chains = setting.hyperparameters.integer(&CHAINS);
+        match self.quartiles(setting) {
+            None => format!("all {chains} chains are at the easiest rung"),
+            Some([lower, median, upper]) => format!(
+                "half of the {chains} chains are between {lower:.1} and {upper:.1} of {}, their median is {median:.1}",
+                setting.rungs.top()
+            ),
+        }
+    }
+
+    fn quartiles(&self, setting: &SamplerSetting<'_>) -> Option<[f64; 3]> {
+        let chains = setting.hyperparameters.integer(&CHAINS) as usize;
+        let mut positions: Vec<f64> =
+            (0..chains).map(|chain| self.positions.get(chain).copied().unwrap_or(0.0)).collect();
+        positions.sort_by(f64::total_cmp);
+        let at = |quarters: usize| positions.get(quarters * (chains - 1) / 4).copied();
+        self.positions.iter().any(|position| *position > 0.0).then_some([at(1)?, at(2)?, at(3)?])
+    }
+}
+
+/// Draws the chain of a proposal.
+fn draw_chain(setting: &SamplerSetting<'_>, rng: &mut KeyedRng) -> u32 {
+    rng.below(setting.hyperparameters.integer(&CHAINS))
+}
+
+/// Largest whole number up to a position, which is not negative.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "positions are from 0 to the number of rungs"
+)]
+fn floor(position: f64) -> u32 {
+    position as u32
+}
