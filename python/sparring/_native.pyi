@@ -19,12 +19,12 @@ class NativeBatch:
     """
     A batch of environments of one task.
     """
-    def __new__(cls, /, recipe: str, envs: SupportsIndex, *, observe: str, bodies: SupportsIndex | None, threats: SupportsIndex, look_ahead: SupportsIndex, axes: str, discrete: bool, autoreset_mode: str, threads: SupportsIndex | None, seed: SupportsIndex, single: bool, curriculum: NativeCurriculum | None = None) -> NativeBatch:
+    def __new__(cls, /, recipe: str, envs: SupportsIndex, *, observe: str, bodies: SupportsIndex | None, threats: SupportsIndex, look_ahead: SupportsIndex, axes: str, discrete: bool, few: bool, autoreset_mode: str, threads: SupportsIndex | None, seed: SupportsIndex, single: bool, curriculum: NativeCurriculum | None = None) -> NativeBatch:
         """
         Creates environments.
 
-        `recipe` is a scenario without its seed, as JSON. `observe` is "all" or "tracks", `axes` is "world" or "agent". With
-        `discrete`, actions are indices of the task's choices. `single` drops the first axis of all arrays except flags.
+        `recipe` is a scenario without its seed, as JSON. `observe` is "all", "extended" or "tracks", `axes` is "world" or "agent".
+        With `discrete`, actions are indices of the task's choices; with `few`, of its few actions. `single` drops the first axis of all arrays except flags.
         """
     def abandon(self, /) -> None:
         """

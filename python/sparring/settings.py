@@ -18,8 +18,8 @@ from .scenario import make_recipe, to_json
 from .tasks import Task, have_equal_agents
 from .tasks import task as find_task
 
-Observation = Literal["tracks", "telemetry", "state"]
-Actions = Literal["continuous", "discrete"]
+Observation = Literal["tracks", "telemetry", "state", "extended_state"]
+Actions = Literal["continuous", "discrete", "few"]
 Axes = Literal["agent", "world"]
 
 #: Bound of the absolute value of a cell of *tracks*.
@@ -56,6 +56,8 @@ class Settings:
     spec: Task = field(init=False)
     #: True if actions are indices of choices, false if they are numbers.
     is_discrete: bool = field(init=False)
+    #: Actions that discrete actions choose from.
+    choices: tuple[tuple[float, ...], ...] = field(init=False)
 
     def __post_init__(self) -> None:
         if self.curriculum is not None:
@@ -67,6 +69,7 @@ class Settings:
             self._set(task=_choose_task(self.curriculum, self.task))
         self._set(spec=find_task("kessler/survival" if self.task is None else self.task))
         self._set(is_discrete=self._reads_choices())
+        self._set(choices=self.spec.few_choices if self.actions == "few" else self.spec.choices)
         if self.curriculum is not None and self.spec.default_observation == "tracks":
             # The number of bodies changes with the curriculum's scenarios.
             self._set(bodies=CURRICULUM_BODIES if self.observation == "telemetry" and self.bodies is None else self.bodies)
@@ -80,7 +83,7 @@ class Settings:
             raise one_of("actions", get_args(Actions), self.actions)
         if self.spec.action_names and self.actions == "continuous":
             raise invalid("actions", f"'discrete' in {self.spec.world}, whose actions have names", self.actions)
-        return bool(self.spec.action_names) or self.actions == "discrete"
+        return bool(self.spec.action_names) or self.actions in ("discrete", "few")
 
     def arguments(self) -> dict[str, Any]:
         """Returns the arguments that make an equal environment, for copies as by Gymnasium's `EzPickle`.
@@ -100,8 +103,9 @@ class Settings:
         """
         default = self.spec.default_observation
         mode = self.observation or default
-        if mode not in (default, "telemetry"):
-            raise invalid("observation", f"{default} or telemetry in {self.spec.world}", mode)
+        modes = (default, "telemetry", *(("extended_state",) if self.spec.has_extended_state else ()))
+        if mode not in modes:
+            raise invalid("observation", f"{', '.join(modes[:-1])} or {modes[-1]} in {self.spec.world}", mode)
         for name, name_mode in (("threats", "tracks"), ("look_ahead", "tracks"), ("bodies", "telemetry")):
             if getattr(self, name) is not None and (mode != name_mode or default != "tracks"):
                 raise ValueError(
@@ -145,12 +149,13 @@ class Settings:
         return _native.NativeBatch(
             to_json("scenario", recipe),
             envs,
-            observe="tracks" if mode == "tracks" else "all",
+            observe={"tracks": "tracks", "extended_state": "extended"}.get(mode, "all"),
             bodies=self.bodies,
             threats=DEFAULT_THREATS if self.threats is None else self.threats,
             look_ahead=DEFAULT_LOOK_AHEAD if self.look_ahead is None else self.look_ahead,
             axes=self.action_axes(),
             discrete=self.is_discrete,
+            few=self.actions == "few",
             autoreset_mode=autoreset_mode,
             threads=threads,
             seed=secrets.randbits(50) if seed is None else seed,
@@ -227,7 +232,7 @@ class ObservationLayout:
         lead = () if single else flat.shape[:1]
         if self.mode == "tracks":
             return flat
-        if self.mode == "state":
+        if self.mode in ("state", "extended_state"):
             return flat.reshape(*lead, self.num_agents, self.size // self.num_agents)
         if not self.is_kessler:
             return {self.agents_part: flat.reshape(*lead, self.num_agents, self.size // self.num_agents)}
@@ -258,7 +263,7 @@ def _unbounded(*shape: int) -> spaces.Box:
 def action_space(settings: Settings, layout: ObservationLayout) -> spaces.Box | spaces.MultiDiscrete:
     """Returns the action space of one environment: the actions of all its agents."""
     if settings.is_discrete:
-        return spaces.MultiDiscrete([len(settings.spec.choices)] * layout.num_agents)
+        return spaces.MultiDiscrete([len(settings.choices)] * layout.num_agents)
     low, high, _ = settings.spec.action_range
     return spaces.Box(low, high, (layout.num_agents, layout.action_size), np.float32)
 
@@ -266,6 +271,6 @@ def action_space(settings: Settings, layout: ObservationLayout) -> spaces.Box | 
 def agent_action_space(settings: Settings, layout: ObservationLayout) -> spaces.Box | spaces.Discrete:
     """Returns the action space of one agent."""
     if settings.is_discrete:
-        return spaces.Discrete(len(settings.spec.choices))
+        return spaces.Discrete(len(settings.choices))
     low, high, _ = settings.spec.action_range
     return spaces.Box(low, high, (layout.action_size,), np.float32)

@@ -30,6 +30,8 @@ class Environment(gymnasium.Env[Any, Any]):
     | `continuous` | docking | `Box(-1, 1, (agents, 3))` | thrust of each deputy, N |
     | `discrete` | kessler | `MultiDiscrete([17] * agents)` | index into `sparring.task(…).choices` for each satellite |
     | `discrete` | docking | `MultiDiscrete([27] * agents)` | the same for each deputy |
+    | `few` | kessler | `MultiDiscrete([5] * agents)` | index into `sparring.task(…).few_choices` for each satellite |
+    | `few` | docking | `MultiDiscrete([13] * agents)` | the same for each deputy |
     | `discrete` | tasking | `MultiDiscrete([4] * agents)`, or 13 with targets | index into `sparring.task(…).action_names` |
 
     In kessler and docking, zero holds, and so does choice 0. In tasking, None and -1 stand for no new action: the agent goes
@@ -48,7 +50,9 @@ class Environment(gymnasium.Env[Any, Any]):
     | | | `debris (4, bodies)` | rows of x, y, vx, vy |
     | | | `mask (bodies,)` | 1 for each piece of debris that exists and is visible |
     | `state` | docking | `Box(-inf, inf, (agents, 8))` | x, y, z, vx, vy, vz, speed, speed limit there; m, m/s |
-    | `telemetry` | docking | `Dict(deputies (agents, 8))` | the same |
+    | `extended_state` | docking | `Box(-inf, inf, (agents, 20))` | these, time left, logs of bound and distance, direction |
+    | | | | from the chief, velocity over twice the speed limit, and its part along that direction |
+    | `telemetry` | docking | `Dict(deputies (agents, 8))` | those of `state` |
     | `state` | tasking | `Box(-inf, inf, (agents, n))` | resources, pointing and opportunities of each satellite |
     | `telemetry` | tasking | `Dict(satellites (agents, n))` | the same |
 
@@ -83,12 +87,14 @@ class Environment(gymnasium.Env[Any, Any]):
         physics: Physics options that differ from their defaults.
         layout: Explicit bodies that replace or extend those of the generator.
         level: Index of a level (`sparring.levels`), which sets the params that are not given.
-        observation: `tracks` or `telemetry` in kessler, `state` or `telemetry` in docking and tasking.
+        observation: `tracks` or `telemetry` in kessler, `state` or `telemetry` in docking and tasking, `extended_state` in
+            docking.
         threats: Pieces of debris that a satellite observes in *tracks* (8).
         look_ahead: Steps over which *tracks* predicts close approaches (15).
         bodies: Size of the debris array of *telemetry* (by default the maximum for the params).
         actions: `continuous` (the default in kessler and docking), or `discrete`: for each agent an index into
-            `sparring.task(…).choices`. Tasking has only discrete actions.
+            `sparring.task(…).choices`. `few` chooses from `few_choices`, which a policy explores faster. Tasking has only
+            discrete actions.
         axes: Axes of continuous actions: each `agent`'s own, or the `world`'s.
         curriculum: Source of the scenarios, which receives the outcomes, as in `sparring.make_vec`. It replaces seeds,
             `params`, `physics`, `layout` and `level`.

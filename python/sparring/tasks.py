@@ -50,6 +50,8 @@ class Task:
     options: dict[str, tuple[str, ...]]
     #: Params of each level, from easy to hard.
     levels: tuple[dict[str, float], ...]
+    #: Start rungs: values of the param `start_scale`, from the easiest start to 1; empty if the task has none.
+    start_rungs: tuple[float, ...]
     score_range: tuple[float, float]
     #: Names of the values of an action along the world's axes.
     action_columns: tuple[str, ...]
@@ -61,6 +63,8 @@ class Task:
     action_range: tuple[float, float, str]
     #: Actions that `actions="discrete"` chooses from.
     choices: tuple[tuple[float, ...], ...]
+    #: Actions that `actions="few"` chooses from: hold, and a handful that suffices to do the task.
+    few_choices: tuple[tuple[float, ...], ...]
     #: Choice of an agent that holds. It is -1 if no choice is hold: the agent goes on with the action before.
     hold_choice: int
     #: Description of these actions.
@@ -72,6 +76,11 @@ class Task:
     def default_observation(self) -> str:
         """Default observation mode: `tracks` in a world that has it, else `state`."""
         return "state" if self.agent_axes is None else "tracks"
+
+    @property
+    def has_extended_state(self) -> bool:
+        """True if the world has the observation mode `extended_state`."""
+        return self.world.startswith("docking")
 
 
 def tasks() -> list[str]:
@@ -107,12 +116,14 @@ def task(id: str) -> Task:
         params=tuple(Param(**param) for param in info["params"]),
         options={option["name"]: tuple(option["choices"]) for option in info["options"]},
         levels=tuple(info["levels"]),
+        start_rungs=tuple(info["start_rungs"]),
         score_range=(info["score_range"]["min"], info["score_range"]["max"]),
         action_columns=tuple(actions["columns"]),
         agent_axes=tuple(info["agent_axes"]) if info["agent_axes"] else None,
         action_names=tuple(actions["names"]),
         action_range=(actions["low"], actions["high"], actions["unit"]),
         choices=tuple(map(tuple, info["choices"]["rows"])),
+        few_choices=tuple(map(tuple, info["few_choices"]["rows"])),
         hold_choice=-1 if info["choices"]["hold"] is None else info["choices"]["hold"],
         choices_description=info["choices"]["description"],
         policies={policy["name"]: policy["description"] for policy in info["policies"]},

@@ -30,7 +30,7 @@ pub(crate) fn task_info(task: &str) -> PyResult<String> {
         .map(|level| levels.params(level).map(|(name, value)| (name.to_owned(), value.into())).collect())
         .map(Value::Object)
         .collect();
-    let choices = task.action_grid();
+    let (choices, few) = (task.action_grid(), task.few_actions());
     let info = json!({
         "id": task.id(),
         "world": task.world(),
@@ -51,6 +51,7 @@ pub(crate) fn task_info(task: &str) -> PyResult<String> {
             "hold": choices.hold,
             "description": choices.description,
         },
+        "few_choices": { "rows": few.rows, "description": few.description },
         "policies": task.policies(),
         "threats": DEFAULT_THREATS,
         "look_ahead": DEFAULT_LOOK_AHEAD,

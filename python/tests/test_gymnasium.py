@@ -129,6 +129,27 @@ def test_discrete_actions_are_the_tasks_choices():
     np.testing.assert_allclose(burns, [[0, 0], -0.05 * in_track[1], -0.05 * radial[2]], atol=1e-6)
 
 
+def test_few_actions_begin_with_hold():
+    for task, count in (("kessler/survival", 5), ("docking/multiagent", 13)):
+        env = sparring.Environment(task, actions="few")
+        assert env.action_space.nvec.tolist() == [count] * len(env.action_space.nvec)
+        assert not any(sparring.task(task).few_choices[0])
+        env.reset(seed=4)
+        env.step(env.action_space.nvec - 1)
+        with pytest.raises(ValueError, match=f"from 0 to {count - 1}"):
+            env.step(env.action_space.nvec)
+        env.close()
+
+
+def test_extended_state_is_docking_only():
+    env = sparring.Environment("docking/single", observation="extended_state")
+    observation, _ = env.reset(seed=4)
+    assert observation.shape == env.observation_space.shape == (1, 20)
+    assert [name.removeprefix("deputy_0_") for name in env.columns()][8:12] == ["time_left", "time_left_share", "log_thrust_bound", "log_distance"]
+    with pytest.raises(ValueError, match="`observation` must be tracks or telemetry in kessler@1"):
+        sparring.Environment("kessler/survival", observation="extended_state")
+
+
 def test_reset_options_choose_the_scenario():
     env = sparring.Environment("kessler/survival")
     scenario = sparring.Scenario("survival", params={"debris": 60}, seed=99)

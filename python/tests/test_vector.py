@@ -23,7 +23,7 @@ def make_both(task, mode, envs, **settings):
 
 
 @pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("settings", [{}, {"observation": "telemetry"}, {"actions": "discrete"}], ids=str)
+@pytest.mark.parametrize("settings", [{}, {"observation": "telemetry"}, {"actions": "discrete"}, {"actions": "few"}], ids=str)
 def test_steps_equal_those_of_sync_vector_env(task, mode, settings):
     ours, theirs = make_both(task, mode, 5, **settings)
     assert ours.observation_space == theirs.observation_space

@@ -206,6 +206,8 @@ pub enum ObservationMode {
         /// Room for bodies that are not agents; `None` means as many as the first scenario of slot 0 can have.
         bodies: Option<u32>,
     },
+    /// As `All`, with further values of each agent, in worlds that have them.
+    Extended,
     /// Each agent's own state and its greatest threats in its own frame, in worlds with such tracks.
     Tracks {
         /// Number of threats that each agent sees.

@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use serde_json::Value;
 
-use super::constants::{MAX_DEPUTIES, OBSERVATION_DIM, STEP_S};
+use super::constants::{EXTENDED_DIM, MAX_DEPUTIES, OBSERVATION_DIM, STEP_S};
 use super::setup::{DeputyStarts, DockingSetup};
 use super::simulation::DockingSim;
 use crate::batch::{
-    Batch, BatchConfig, BatchEngine, BatchError, BatchLane, BatchShape, LaneOutput, ObservationPart,
-    PlainWorldErrors, ScenarioSource, check_task,
+    Batch, BatchConfig, BatchEngine, BatchError, BatchLane, BatchShape, LaneOutput, ObservationMode,
+    ObservationPart, PlainWorldErrors, ScenarioSource, check_task,
 };
 use crate::episode_rng::SeededRng;
 use crate::error::ScenarioError;
@@ -22,10 +22,34 @@ const ACTION_DIM: usize = 3;
 
 /// Errors of settings that the world does not have.
 const UNSUPPORTED: PlainWorldErrors = PlainWorldErrors {
-    observe: "docking supports only the observation mode `all`, without bodies: a deputy observes only itself",
+    observe: "docking supports only the observation modes `all`, without bodies, and `extended`: a deputy observes only itself",
     axes: "docking supports only actions along the world's axes: a deputy has no axes of its own",
     mixed_tasks: "docking supports only batches of one task: its tasks differ in their number of agents",
 };
+
+/// Names of the values of a deputy's extended observation; the first eight are those of its observation.
+const COLUMN_NAMES: [&str; EXTENDED_DIM] = [
+    "x",
+    "y",
+    "z",
+    "vx",
+    "vy",
+    "vz",
+    "speed",
+    "speed_limit",
+    "time_left",
+    "time_left_share",
+    "log_thrust_bound",
+    "log_distance",
+    "direction_x",
+    "direction_y",
+    "direction_z",
+    "vx_ratio",
+    "vy_ratio",
+    "vz_ratio",
+    "speed_ratio",
+    "speed_ratio_along",
+];
 
 /// Creates a batch of a task's episodes. It has room for the deputies of the source's single recipe, or else for the
 /// largest number that the task allows. A deputy that a scenario lacks counts as terminated from its start.
@@ -34,14 +58,17 @@ pub(super) fn create_batch(
     source: Box<dyn ScenarioSource>,
     config: BatchConfig,
 ) -> Result<Box<dyn Batch>, BatchError> {
-    config.check_plain(&UNSUPPORTED)?;
+    let is_extended = config.observe == ObservationMode::Extended;
+    let plain = ObservationMode::All { bodies: None };
+    BatchConfig { observe: if is_extended { plain } else { config.observe }, ..config }
+        .check_plain(&UNSUPPORTED)?;
     let (id, space) = (task.id(), task.params());
     let first = source.scenario(0, 0);
     let setup = read_setup(id, first.recipe()).map_err(|source| BatchError::Scenario { env: 0, source })?;
     let max_deputies = || space.iter().find(|param| param.name == "deputies").map_or(1, |p| p.max as usize);
     let agents = source.single_recipe().map_or_else(max_deputies, |_| setup.deputies);
-    let shape =
-        BatchShape { envs: config.envs, agents, action: ACTION_DIM, observation: agents * OBSERVATION_DIM };
+    let width = if is_extended { EXTENDED_DIM } else { OBSERVATION_DIM };
+    let shape = BatchShape { envs: config.envs, agents, action: ACTION_DIM, observation: agents * width };
     let start = DeputyStarts::at_chief(setup.deputies, setup.time_limit);
     let lane = || DockingLane {
         task: id,
@@ -49,6 +76,7 @@ pub(super) fn create_batch(
         rng: SeededRng::new(Seed::in_space(SeedSpace::User, 0)),
         recipe: Arc::clone(first.recipe()),
         agents,
+        is_extended,
     };
     Ok(Box::new(BatchEngine::new(config, shape, task.action_space(), source, lane)?))
 }
@@ -67,6 +95,15 @@ struct DockingLane {
     /// Recipe from which the simulation's setup was read.
     recipe: Arc<Recipe>,
     agents: usize,
+    /// True if observations have the further values.
+    is_extended: bool,
+}
+
+impl DockingLane {
+    /// Number of values of a deputy's observation.
+    const fn width(&self) -> usize {
+        if self.is_extended { EXTENDED_DIM } else { OBSERVATION_DIM }
+    }
 }
 
 impl BatchLane for DockingLane {
@@ -129,7 +166,11 @@ impl BatchLane for DockingLane {
     }
 
     fn observe(&mut self, out: &mut [f32]) {
-        self.sim.observe_into(out);
+        if self.is_extended {
+            self.sim.observe_extended_into(out);
+        } else {
+            self.sim.observe_into(out);
+        }
     }
 
     fn score(&self) -> f64 {
@@ -153,12 +194,14 @@ impl BatchLane for DockingLane {
     }
 
     fn columns(&self) -> Vec<String> {
-        let names = ["x", "y", "z", "vx", "vy", "vz", "speed", "speed_limit"];
-        (0..self.agents).flat_map(|deputy| names.map(|name| format!("deputy_{deputy}_{name}"))).collect()
+        let names = &COLUMN_NAMES[..self.width()];
+        (0..self.agents)
+            .flat_map(|deputy| names.iter().map(move |name| format!("deputy_{deputy}_{name}")))
+            .collect()
     }
 
     fn parts(&self) -> Vec<ObservationPart> {
-        vec![ObservationPart { name: "deputies", shape: vec![self.agents, OBSERVATION_DIM] }]
+        vec![ObservationPart { name: "deputies", shape: vec![self.agents, self.width()] }]
     }
 
     fn bytes(&self) -> usize {

@@ -67,6 +67,10 @@ pub const SUCCESS_REWARD: f64 = 1.0;
 /// Reward for a timeout, leaving bounds or a crash.
 pub const FAILURE_REWARD: f64 = -1.0;
 
+/// Number of values of a deputy's extended observation.
+pub const EXTENDED_DIM: usize = OBSERVATION_DIM + 12;
+/// Divisor of the time that is left in an extended observation, s.
+pub const TIME_SCALE_S: f64 = 500.0;
 /// Divisor of positions in an observation, m.
 pub const POSITION_SCALE_M: f64 = 100.0;
 /// Divisor of velocities in an observation, m/s.

@@ -4,7 +4,8 @@
 //! collisions among the remaining deputies, rewards.
 
 use super::constants::{
-    COLLISION_DISTANCE_M, MAX_DEPUTIES, OBSERVATION_DIM, POSITION_SCALE_M, VELOCITY_SCALE_M_S,
+    COLLISION_DISTANCE_M, EXTENDED_DIM, MAX_DEPUTIES, OBSERVATION_DIM, POSITION_SCALE_M, STEP_S,
+    TIME_SCALE_S, VELOCITY_SCALE_M_S,
 };
 use super::deputy::Deputy;
 use super::end_conditions::DeputyStatus;
@@ -214,6 +215,17 @@ impl DockingSim {
         rows.for_each(|row| row.fill(0.0));
     }
 
+    /// Writes the extended observations of all deputies in order, see [`observe_extended`]. The rest of the buffer is zeroed.
+    pub fn observe_extended_into(&self, out: &mut [f32]) {
+        let limit = f64::from(self.setup.time_limit) * STEP_S;
+        let left = limit - f64::from(self.step) * STEP_S;
+        let mut rows = out.chunks_exact_mut(EXTENDED_DIM);
+        for (deputy, row) in self.deputies().iter().zip(&mut rows) {
+            row.copy_from_slice(&observe_extended(&deputy.state, [left, limit], self.setup.thrust_bound));
+        }
+        rows.for_each(|row| row.fill(0.0));
+    }
+
     /// True for each deputy that is active.
     #[must_use]
     pub fn active_deputies(&self) -> [bool; MAX_DEPUTIES] {
@@ -316,4 +328,42 @@ pub fn observe_deputy(s: &RelativeState) -> [f32; OBSERVATION_DIM] {
         speed(s) as f32,
         extended_speed_limit(distance(s)) as f32,
     ]
+}
+
+/// Extended observation of a deputy: that of [`observe_deputy`], then values that stay of order one near the chief.
+///
+/// These are the time that is left, s/500, and as a share of the time limit; ½ ln(thrust bound/N); ½ ln(distance/m) − 1; the direction
+/// from the chief, a unit vector; the velocity divided by twice the speed limit, its norm, and its part along that direction.
+/// `[left, time limit]` are in s.
+#[expect(clippy::cast_possible_truncation, reason = "observations are single precision")]
+#[must_use]
+pub fn observe_extended(
+    s: &RelativeState,
+    [left_s, limit_s]: [f64; 2],
+    thrust_bound_n: f64,
+) -> [f32; EXTENDED_DIM] {
+    // At the chief neither logarithm nor direction is defined; the docking radius is far above this.
+    let d = distance(s).max(1e-3);
+    let limit = 2.0 * speed_limit(d);
+    let direction = [s[0] / d, s[1] / d, s[2] / d];
+    let velocity = [s[3] / limit, s[4] / limit, s[5] / limit];
+    let along = direction[0] * velocity[0] + direction[1] * velocity[1] + direction[2] * velocity[2];
+    let further = [
+        left_s / TIME_SCALE_S,
+        left_s / limit_s,
+        0.5 * libm::log(thrust_bound_n),
+        0.5 * libm::log(d) - 1.0,
+        direction[0],
+        direction[1],
+        direction[2],
+        velocity[0],
+        velocity[1],
+        velocity[2],
+        speed(s) / limit,
+        along,
+    ];
+    let mut row = [0.0; EXTENDED_DIM];
+    row[..OBSERVATION_DIM].copy_from_slice(&observe_deputy(s));
+    row[OBSERVATION_DIM..].iter_mut().zip(further).for_each(|(value, further)| *value = further as f32);
+    row
 }

@@ -127,3 +127,23 @@ pub(super) fn choices() -> ActionGrid {
                 clamped to it",
     }
 }
+
+/// Coasting, and thrusts of a small and a larger size in either direction along each axis.
+pub(super) fn few_actions() -> ActionGrid {
+    const SMALL_N: f32 = 0.08;
+    const LARGE_N: f32 = 0.3;
+    let along = |axis: usize, thrust: f32| {
+        let mut row = vec![0.0; 3];
+        row[axis] = thrust;
+        row
+    };
+    let thrusts =
+        (0..3).flat_map(|axis| [SMALL_N, -SMALL_N, LARGE_N, -LARGE_N].map(|thrust| along(axis, thrust)));
+    ActionGrid {
+        axes: Axes::World,
+        rows: std::iter::once(vec![0.0; 3]).chain(thrusts).collect(),
+        hold: Some(0),
+        description: "coasting, then thrusts of 0.08, -0.08, 0.3 and -0.3 N along x, then y, then z; more than the bound is clamped \
+                to it",
+    }
+}

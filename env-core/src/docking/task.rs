@@ -99,6 +99,10 @@ impl TaskSpec for DockingTask {
         spaces::choices()
     }
 
+    fn few_actions(&self) -> ActionGrid {
+        spaces::few_actions()
+    }
+
     fn score_range(&self) -> ScoreRange {
         DOCKING_SCORE_RANGE
     }

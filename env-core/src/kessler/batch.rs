@@ -49,6 +49,11 @@ pub(super) fn batch(
             }
             KesslerObserver::All(bodies)
         }
+        ObservationMode::Extended => {
+            return Err(BatchError::Unsupported(
+                "kessler supports only the observation modes `all` and `tracks`: its satellites have no further values",
+            ));
+        }
         ObservationMode::Tracks { threats, look_ahead } => {
             let tracks = TracksEncoder::new(threats as usize, look_ahead as usize);
             KesslerObserver::Tracks(tracks.map(Box::new).map_err(|e| BatchError::Config {

@@ -263,3 +263,14 @@ pub(super) fn action_grid() -> ActionGrid {
         description: "hold, then burns of 0.05, 0.1, 0.2 and 0.4 LU/TU, each prograde, radial out, retrograde and radial in",
     }
 }
+
+/// Hold, and burns of 0.2 LU/TU prograde, radial out, retrograde and radial in.
+pub(super) fn few_actions() -> ActionGrid {
+    const BURN: f32 = 0.2;
+    ActionGrid {
+        axes: Axes::Agent,
+        rows: [[0.0, 0.0], [0.0, BURN], [BURN, 0.0], [0.0, -BURN], [-BURN, 0.0]].map(Vec::from).to_vec(),
+        hold: Some(0),
+        description: "hold, then burns of 0.2 LU/TU prograde, radial out, retrograde and radial in",
+    }
+}

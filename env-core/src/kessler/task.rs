@@ -119,6 +119,10 @@ impl TaskSpec for KesslerTask {
         spaces::action_grid()
     }
 
+    fn few_actions(&self) -> ActionGrid {
+        spaces::few_actions()
+    }
+
     fn score_range(&self) -> ScoreRange {
         ScoreRange { min: EPSILON, max: 1.0 - EPSILON }
     }

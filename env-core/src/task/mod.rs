@@ -116,6 +116,11 @@ pub trait TaskSpec: Send + Sync {
     /// A grid of actions for policies with a discrete action space.
     fn action_grid(&self) -> ActionGrid;
 
+    /// A few actions that suffice to do the task, hold first. A policy explores them faster than the grid, which it replaces.
+    fn few_actions(&self) -> ActionGrid {
+        self.action_grid()
+    }
+
     /// Range of the score.
     fn score_range(&self) -> ScoreRange;
 

@@ -77,7 +77,9 @@ impl OnnxPolicy {
         let network = match known {
             Some(network) => network,
             None => {
-                let network = catch(|| Ok(Network::prepare(&self.model, task, &parts, batch.shape())));
+                let network = catch(|| {
+                    Ok(Network::prepare(&self.model, &self.settings.grid(task), &parts, batch.shape()))
+                });
                 let network = Arc::new(network.flatten().map_err(|reason| self.unfit(task, reason))?);
                 self.lock().insert(key, Arc::clone(&network));
                 network

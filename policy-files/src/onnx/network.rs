@@ -1,7 +1,7 @@
 //! A model, prepared for the sizes of one environment's observations and actions.
 
-use env_core::TaskSpec;
 use env_core::batch::{BatchShape, ObservationPart};
+use env_core::space::ActionGrid;
 use tract_onnx::prelude::*;
 use tract_onnx::tract_core::internal::DimLike;
 use tract_onnx::tract_hir::infer::{DimFact, Factoid};
@@ -38,13 +38,13 @@ pub(super) struct Network {
 }
 
 impl Network {
-    /// Prepares a model for an environment of a task.
+    /// Prepares a model for an environment. Discrete actions choose from `grid`.
     ///
     /// # Errors
     /// Returns a reason if the inputs or the output do not fit, or tract does not know an operator.
     pub(super) fn prepare(
         model: &InferenceModel,
-        task: &dyn TaskSpec,
+        grid: &ActionGrid,
         parts: &[ObservationPart],
         shape: BatchShape,
     ) -> Result<Self, String> {
@@ -55,7 +55,7 @@ impl Network {
             model.set_input_fact(at, f32::fact(&input.shape).into()).map_err(failed)?;
         }
         let plan = model.into_optimized().and_then(|model| model.into_runnable()).map_err(failed)?;
-        let grid: Vec<f32> = task.action_grid().rows.concat();
+        let grid: Vec<f32> = grid.rows.concat();
         let choices = grid.len() / shape.action.max(1);
         let mut network = Self {
             plan,

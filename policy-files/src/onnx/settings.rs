@@ -2,7 +2,7 @@
 
 use env_core::TaskSpec;
 use env_core::batch::ObservationMode;
-use env_core::space::Axes;
+use env_core::space::{ActionGrid, Axes};
 use tract_onnx::prelude::*;
 
 /// Default number of threats of *tracks*, as in the Python package.
@@ -15,7 +15,19 @@ const DEFAULT_LOOK_AHEAD: u32 = 15;
 enum DeclaredObservation {
     Tracks,
     State,
+    ExtendedState,
     Telemetry,
+}
+
+/// Actions that a model declares.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum DeclaredActions {
+    /// Numbers within the bounds.
+    Continuous,
+    /// Indices of the task's grid.
+    Discrete,
+    /// Indices of the task's few actions.
+    Few,
 }
 
 /// Settings of a model. An undeclared setting has the default of the task.
@@ -25,8 +37,8 @@ pub(super) struct ModelSettings {
     world: Option<String>,
     observation: Option<DeclaredObservation>,
     axes: Option<Axes>,
-    /// True if the model declares discrete actions.
-    pub(super) discrete: Option<bool>,
+    /// Actions that the model declares.
+    pub(super) actions: Option<DeclaredActions>,
     threats: Option<u32>,
     look_ahead: Option<u32>,
     bodies: Option<u32>,
@@ -63,11 +75,20 @@ impl ModelSettings {
                 &[
                     ("tracks", DeclaredObservation::Tracks),
                     ("state", DeclaredObservation::State),
+                    ("extended_state", DeclaredObservation::ExtendedState),
                     ("telemetry", DeclaredObservation::Telemetry),
                 ],
             )?,
             axes: choose(text("axes"), "axes", &[("agent", Axes::Agent), ("world", Axes::World)])?,
-            discrete: choose(text("actions"), "actions", &[("continuous", false), ("discrete", true)])?,
+            actions: choose(
+                text("actions"),
+                "actions",
+                &[
+                    ("continuous", DeclaredActions::Continuous),
+                    ("discrete", DeclaredActions::Discrete),
+                    ("few", DeclaredActions::Few),
+                ],
+            )?,
             threats: number("threats")?,
             look_ahead: number("look_ahead")?,
             bodies: number("bodies")?,
@@ -98,20 +119,26 @@ impl ModelSettings {
                 threats: self.threats.unwrap_or(DEFAULT_THREATS),
                 look_ahead: self.look_ahead.unwrap_or(DEFAULT_LOOK_AHEAD),
             },
+            DeclaredObservation::ExtendedState => ObservationMode::Extended,
             DeclaredObservation::State | DeclaredObservation::Telemetry => {
                 ObservationMode::All { bodies: self.bodies }
             }
         }
     }
 
+    /// Actions that a discrete action chooses from.
+    pub(super) fn grid(&self, task: &dyn TaskSpec) -> ActionGrid {
+        if self.actions == Some(DeclaredActions::Few) { task.few_actions() } else { task.action_grid() }
+    }
+
     /// Axes of the environment's actions. A discrete action is along the axes of the task's grid.
     pub(super) fn axes(&self, task: &dyn TaskSpec, discrete: bool) -> Axes {
         if discrete {
-            return task.action_grid().axes;
+            return self.grid(task).axes;
         }
         let default = match self.observation(task) {
             ObservationMode::Tracks { .. } => Axes::Agent,
-            ObservationMode::All { .. } => Axes::World,
+            ObservationMode::All { .. } | ObservationMode::Extended => Axes::World,
         };
         self.axes.unwrap_or(default)
     }

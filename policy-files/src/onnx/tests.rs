@@ -36,7 +36,13 @@ fn flat(value: &Value) -> Vec<f32> {
 /// Returns the network of a model for a task, and the names of its observation's parts.
 fn network(policy: &OnnxPolicy, scenario: &Scenario) -> (Network, Vec<&'static str>) {
     let batch = episode::create_batch(scenario, &policy.settings, false).unwrap();
-    let network = Network::prepare(&policy.model, scenario.task(), &batch.parts(), batch.shape()).unwrap();
+    let network = Network::prepare(
+        &policy.model,
+        &policy.settings.grid(scenario.task()),
+        &batch.parts(),
+        batch.shape(),
+    )
+    .unwrap();
     (network, batch.parts().iter().map(|part| part.name).collect())
 }
 

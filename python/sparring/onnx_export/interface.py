@@ -81,7 +81,7 @@ def expected_action(environment: PolicyEnvironment, *, is_joint: bool) -> Action
     settings = environment.settings
     agents = (environment.agents,) if is_joint else ()
     if settings.is_discrete:
-        return ActionShape(agents, len(settings.spec.choices))
+        return ActionShape(agents, len(settings.choices))
     return ActionShape((*agents, environment.layout.action_size), None)
 
 
@@ -105,7 +105,7 @@ def _metadata(environment: PolicyEnvironment, name: str | None) -> dict[str, str
         "world": settings.spec.world,
         "tasks": ",".join(environment.tasks()),
         "observation": layout.mode,
-        "actions": "discrete" if settings.is_discrete else "continuous",
+        "actions": ("few" if settings.actions == "few" else "discrete") if settings.is_discrete else "continuous",
         "axes": settings.action_axes(),
         "version": __version__,
     }

@@ -25,7 +25,7 @@ pub(super) fn parse_autoreset(mode: &str) -> PyResult<Autoreset> {
     }
 }
 
-/// Parses an observation mode: "all", else tracks.
+/// Parses an observation mode: "all" or "extended", else tracks.
 pub(super) fn parse_observe(
     mode: &str,
     bodies: Option<u32>,
@@ -34,6 +34,7 @@ pub(super) fn parse_observe(
 ) -> ObservationMode {
     match mode {
         "all" => ObservationMode::All { bodies },
+        "extended" => ObservationMode::Extended,
         _ => ObservationMode::Tracks { threats, look_ahead },
     }
 }

@@ -59,10 +59,10 @@ pub(crate) struct NativeBatch {
 impl NativeBatch {
     /// Creates environments.
     ///
-    /// `recipe` is a scenario without its seed, as JSON. `observe` is "all" or "tracks", `axes` is "world" or "agent". With
-    /// `discrete`, actions are indices of the task's choices. `single` drops the first axis of all arrays except flags.
+    /// `recipe` is a scenario without its seed, as JSON. `observe` is "all", "extended" or "tracks", `axes` is "world" or "agent".
+    /// With `discrete`, actions are indices of the task's choices; with `few`, of its few actions. `single` drops the first axis of all arrays except flags.
     #[new]
-    #[pyo3(signature = (recipe, envs, *, observe, bodies, threats, look_ahead, axes, discrete, autoreset_mode, threads, seed, single, curriculum=None))]
+    #[pyo3(signature = (recipe, envs, *, observe, bodies, threats, look_ahead, axes, discrete, few, autoreset_mode, threads, seed, single, curriculum=None))]
     #[expect(clippy::too_many_arguments, reason = "called in one place, by keywords")]
     fn new(
         py: Python<'_>,
@@ -74,6 +74,7 @@ impl NativeBatch {
         look_ahead: u32,
         axes: &str,
         discrete: bool,
+        few: bool,
         autoreset_mode: &str,
         threads: Option<usize>,
         seed: u64,
@@ -91,7 +92,7 @@ impl NativeBatch {
             None => parse_recipe(recipe)?,
         };
         let task = recipe.task();
-        let choices = discrete.then(|| task.action_grid());
+        let choices = discrete.then(|| if few { task.few_actions() } else { task.action_grid() });
         let step_threads = StepThreads::new(threads, envs)?;
         let config = BatchConfig {
             envs,

@@ -59,7 +59,7 @@ impl OutputArrays {
     ) -> Self {
         let observation_shape = match observe {
             ObservationMode::Tracks { .. } => vec![agents, observation / agents],
-            ObservationMode::All { .. } => vec![observation],
+            ObservationMode::All { .. } | ObservationMode::Extended => vec![observation],
         };
         Self {
             observations: ArrayRecycler::new(&[leading_axes, &observation_shape].concat()),

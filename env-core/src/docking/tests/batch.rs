@@ -141,3 +141,51 @@ fn recipe_of_another_task_is_rejected() {
     batch.reset(None, &mut seen).unwrap();
     assert_names_task(batch.reset(None, &mut seen).err().unwrap());
 }
+
+/// An extended observation begins with the plain one, and its further values follow from state, time and bound.
+#[test]
+fn extended_observations_have_time_bound_and_directions() {
+    let with_deputies = [("deputies", 2.0), ("time_limit_s", 300.0), ("thrust_bound", 0.25)];
+    let source = || Box::new(SeedSequence::new(recipe(&DOCKING_TASKS[1], &with_deputies), 4));
+    let extended = BatchConfig::new(3, Autoreset::SameStep, ObservationMode::Extended);
+    let mut plain = DOCKING_TASKS[1].batch(source(), config(3, Autoreset::SameStep)).unwrap();
+    let mut batch = DOCKING_TASKS[1].batch(source(), extended).unwrap();
+    assert_eq!((batch.shape().observation, batch.columns().len()), (40, 40));
+    assert_eq!(batch.parts()[0].shape, [2, 20]);
+    let (mut short, mut long) = (
+        BatchBuffers::new(plain.shape(), Autoreset::SameStep),
+        BatchBuffers::new(batch.shape(), Autoreset::SameStep),
+    );
+    plain.reset(None, &mut short.observations).unwrap();
+    batch.reset(None, &mut long.observations).unwrap();
+    for step in 0..20 {
+        for (eight, row) in short.observations.chunks_exact(8).zip(long.observations.chunks_exact(20)) {
+            assert_eq!(row[..8], *eight);
+            let further: Vec<f64> = row[8..].iter().map(|value| f64::from(*value)).collect();
+            let position = [0, 1, 2].map(|axis| 100.0 * f64::from(eight[axis]));
+            let distance = position.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let limit = f64::from(eight[7]).max(0.2);
+            let along = (0..3).map(|axis| further[4 + axis] * further[7 + axis]).sum::<f64>();
+            let expected = [
+                (300.0 - f64::from(step)) / 500.0,
+                1.0 - f64::from(step) / 300.0,
+                libm::log(0.25) / 2.0,
+                libm::log(distance) / 2.0 - 1.0,
+                position[0] / distance,
+                position[1] / distance,
+                position[2] / distance,
+                f64::from(eight[3]) * 0.5 / (2.0 * limit),
+                f64::from(eight[4]) * 0.5 / (2.0 * limit),
+                f64::from(eight[5]) * 0.5 / (2.0 * limit),
+                f64::from(eight[6]) / (2.0 * limit),
+                along,
+            ];
+            for (found, expected) in further.iter().zip(expected) {
+                assert!((found - expected).abs() < 2e-6, "{found} {expected}");
+            }
+        }
+        let actions = [0.1; 18];
+        plain.step(&actions, short.output()).unwrap();
+        batch.step(&actions, long.output()).unwrap();
+    }
+}

@@ -143,3 +143,20 @@ proptest! {
         }
     }
 }
+
+/// Few actions are within the action space, hold first, and each differs from the others.
+#[test]
+fn few_actions_are_distinct_and_valid() {
+    for task in crate::tasks() {
+        let (few, space) = (task.few_actions(), task.action_space());
+        assert!(few.rows.len() <= task.action_grid().rows.len() && !few.description.is_empty());
+        for (index, row) in few.rows.iter().enumerate() {
+            assert_eq!(row.len(), space.dim(), "{}", task.id());
+            assert!(row.iter().all(|value| space.accepts(*value)), "{}", task.id());
+            assert!(!few.rows[..index].contains(row), "{}", task.id());
+        }
+        if few.hold.is_some() {
+            assert!(few.hold == Some(0) && few.rows[0].iter().all(|value| *value == space.hold));
+        }
+    }
+}

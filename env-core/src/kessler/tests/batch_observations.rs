@@ -31,6 +31,7 @@ fn fresh_observation(observe: ObservationMode, sim: &KesslerSim<SeededRng>, len:
         ObservationMode::Tracks { threats, look_ahead } => {
             TracksEncoder::new(threats as usize, look_ahead as usize).unwrap().write(sim, &mut cells);
         }
+        ObservationMode::Extended => unreachable!("kessler has no extended observations"),
     }
     cells.into_iter().map(f32::to_bits).collect()
 }

@@ -147,7 +147,9 @@ pub(in crate::http) fn vector_request(fields: Value) -> Result<VectorRequest, Er
         },
     };
     let unused = match observe {
-        ObservationMode::All { .. } => [("threats", fields.threats), ("look_ahead", fields.look_ahead)],
+        ObservationMode::All { .. } | ObservationMode::Extended => {
+            [("threats", fields.threats), ("look_ahead", fields.look_ahead)]
+        }
         ObservationMode::Tracks { .. } => [("bodies", fields.bodies), ("bodies", None)],
     };
     if let Some((field, _)) = unused.iter().find(|(_, given)| given.is_some()) {
