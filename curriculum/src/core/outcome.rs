@@ -21,6 +21,9 @@ pub struct GroupOutcome {
     /// Start rung of the proposal.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start_rung: Option<u32>,
+    /// Chain of the staircase that chose the rung.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub chain: Option<u32>,
     /// Epoch of the proposal.
     pub epoch: u32,
     /// Role of the proposal.
@@ -65,6 +68,7 @@ impl GroupOutcome {
             task: proposal.task.clone(),
             level: proposal.level,
             start_rung: proposal.start_rung,
+            chain: proposal.chain,
             epoch: proposal.epoch,
             role: proposal.role,
             contested: true,

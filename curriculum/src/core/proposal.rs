@@ -89,6 +89,9 @@ pub struct Proposal {
     /// not use them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start_rung: Option<u32>,
+    /// Chain of the staircase that chose the rung; omitted from JSON under other strategies.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub chain: Option<u32>,
     /// Number of moves of the task so far, steps of placement included. An outcome of an old epoch fills no block.
     pub epoch: u32,
     /// Purpose of the proposal.
@@ -131,6 +134,7 @@ impl Proposal {
             task: plan.task.clone(),
             level,
             start_rung: None,
+            chain: None,
             epoch: 0,
             role,
             contested: false,
@@ -149,6 +153,7 @@ impl Proposal {
         self.task == other.task
             && self.level == other.level
             && self.start_rung == other.start_rung
+            && self.chain == other.chain
             && self.epoch == other.epoch
             && self.role == other.role
             && self.contested == other.contested

@@ -335,6 +335,7 @@ pub fn group_outcome(
         task: proposal.task.clone(),
         level: proposal.level,
         start_rung: proposal.start_rung,
+        chain: proposal.chain,
         epoch: proposal.epoch,
         role: proposal.role,
         contested: scenario.contested,

@@ -31,6 +31,7 @@ pub(super) fn outcome(task: &str, level: Option<u32>, finished: u32, successes: 
         task: task.to_owned(),
         level,
         start_rung: None,
+        chain: None,
         epoch: 0,
         role: ProposalRole::Frontier,
         contested: true,
@@ -111,6 +112,7 @@ fn outcome_of(proposed: &SequencedProposal, finished: u32, successes: u32) -> Gr
     GroupOutcome {
         proposal: proposed.seq,
         start_rung: proposal.start_rung,
+        chain: proposal.chain,
         epoch: proposal.epoch,
         role: proposal.role,
         contested: proposal.contested,

@@ -183,6 +183,7 @@ impl ClosingGroup<'_> {
             group: if lease.is_columns() { to_u32(group.number) } else { 0 },
             level: proposal.level,
             start_rung: proposal.start_rung,
+            chain: proposal.chain,
             epoch: proposal.epoch,
             role: proposal.role,
             contested: group.is_contested,

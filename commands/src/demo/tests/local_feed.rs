@@ -193,6 +193,7 @@ fn outcome(open: &OpenGroup, successes: usize) -> GroupOutcome {
         task: open.proposal.task.clone(),
         level: open.proposal.level,
         start_rung: None,
+        chain: None,
         epoch: open.proposal.epoch,
         role: open.proposal.role,
         contested: is_contested(&open.scenario, &open.bracket),

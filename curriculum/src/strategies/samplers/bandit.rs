@@ -6,7 +6,7 @@
 use env_core::KeyedRng;
 use serde::{Deserialize, Serialize};
 
-use super::{RungResult, Sampler, SamplerSetting};
+use super::{ChosenRung, RungResult, Sampler, SamplerSetting};
 use crate::core::settings::hyperparameters::bandit::{FORGET, UNIFORM};
 use crate::core::settings::{Hyperparameters, TaskPlan};
 
@@ -44,17 +44,17 @@ impl Sampler for Bandit {
         0.0
     }
 
-    fn choose(&self, setting: &SamplerSetting<'_>, rng: &mut KeyedRng) -> (u32, String) {
+    fn choose(&self, setting: &SamplerSetting<'_>, rng: &mut KeyedRng) -> ChosenRung {
         let count = setting.rungs.len();
         if rng.bernoulli(setting.hyperparameters.number(&UNIFORM)) {
-            return (rng.below(count), "drawn uniformly".to_owned());
+            return ChosenRung { rung: rng.below(count), chain: None, why: "drawn uniformly".to_owned() };
         }
         let weights: Vec<f64> = (0..count).map(|rung| self.rung(rung).weight()).collect();
         let rung = rng.weighted_index(&weights).and_then(|rung| u32::try_from(rung).ok()).unwrap_or(0);
-        (rung, format!("its p(1 − p) is {:.2}", self.rung(rung).weight()))
+        ChosenRung { rung, chain: None, why: format!("its p(1 − p) is {:.2}", self.rung(rung).weight()) }
     }
 
-    fn observe(&mut self, result: &RungResult, setting: &SamplerSetting<'_>, _: KeyedRng, _: KeyedRng) {
+    fn observe(&mut self, result: &RungResult, setting: &SamplerSetting<'_>, _: KeyedRng) {
         let rung = result.rung as usize;
         if self.rungs.len() <= rung {
             self.rungs.resize(rung + 1, RungSuccess::default());

@@ -3,7 +3,7 @@
 use env_core::KeyedRng;
 use serde::{Deserialize, Serialize};
 
-use super::{RungResult, Sampler, SamplerSetting, Staircase};
+use super::{ChosenRung, RungResult, Sampler, SamplerSetting, Staircase};
 use crate::core::rungs::RungScale;
 use crate::core::settings::{Hyperparameters, TaskPlan};
 
@@ -96,25 +96,22 @@ impl Sampler for Choice {
         }
     }
 
-    fn choose(&self, setting: &SamplerSetting<'_>, rng: &mut KeyedRng) -> (u32, String) {
+    fn choose(&self, setting: &SamplerSetting<'_>, rng: &mut KeyedRng) -> ChosenRung {
+        let chain = None;
         match self {
             Self::Staircase(sampler) => sampler.choose(setting, rng),
             Self::Uniform if setting.rungs.are_starts() => {
-                (setting.rungs.top(), "a level drawn uniformly".to_owned())
+                ChosenRung { rung: setting.rungs.top(), chain, why: "a level drawn uniformly".to_owned() }
             }
-            Self::Uniform => (rng.below(setting.rungs.len()), "drawn uniformly".to_owned()),
+            Self::Uniform => {
+                ChosenRung { rung: rng.below(setting.rungs.len()), chain, why: "drawn uniformly".to_owned() }
+            }
         }
     }
 
-    fn observe(
-        &mut self,
-        result: &RungResult,
-        setting: &SamplerSetting<'_>,
-        chosen_by: KeyedRng,
-        rng: KeyedRng,
-    ) {
+    fn observe(&mut self, result: &RungResult, setting: &SamplerSetting<'_>, rng: KeyedRng) {
         match self {
-            Self::Staircase(sampler) => sampler.observe(result, setting, chosen_by, rng),
+            Self::Staircase(sampler) => sampler.observe(result, setting, rng),
             Self::Uniform => {}
         }
     }

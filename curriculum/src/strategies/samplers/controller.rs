@@ -4,7 +4,7 @@
 use env_core::KeyedRng;
 use serde::{Deserialize, Serialize};
 
-use super::{RungResult, Sampler, SamplerSetting};
+use super::{ChosenRung, RungResult, Sampler, SamplerSetting};
 use crate::core::settings::hyperparameters::controller::{COVERAGE, RATE, WIDTH};
 use crate::core::settings::{Hyperparameters, TaskPlan};
 
@@ -29,15 +29,16 @@ impl Sampler for Controller {
         hyperparameters.number(&COVERAGE)
     }
 
-    fn choose(&self, setting: &SamplerSetting<'_>, rng: &mut KeyedRng) -> (u32, String) {
+    fn choose(&self, setting: &SamplerSetting<'_>, rng: &mut KeyedRng) -> ChosenRung {
         let width = setting.hyperparameters.number(&WIDTH);
         let target = self.position + width * (2.0 * rng.uniform() - 1.0);
-        (nearest_rung(target, setting.rungs.top()), format!("the position is {:.2}", self.position))
+        let why = format!("the position is {:.2}", self.position);
+        ChosenRung { rung: nearest_rung(target, setting.rungs.top()), chain: None, why }
     }
 
     /// Moves by rate · tanh(2(s − ½)) for each episode of a group with the success rate s. Results far from the position, which
     /// were proposed long ago, do not move it.
-    fn observe(&mut self, result: &RungResult, setting: &SamplerSetting<'_>, _: KeyedRng, _: KeyedRng) {
+    fn observe(&mut self, result: &RungResult, setting: &SamplerSetting<'_>, _: KeyedRng) {
         let hyperparameters = setting.hyperparameters;
         // Half a rung more, because the target is rounded to a rung.
         if (f64::from(result.rung) - self.position).abs() > hyperparameters.number(&WIDTH) + 0.5 {

@@ -6,19 +6,13 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::episode_length::EpisodeLength;
+
 /// Lengths of the episodes drawn for coverage, and of the others.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Coverage {
-    others: MeanLength,
-    drawn: MeanLength,
-}
-
-/// Mean number of steps of the latest episodes.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-struct MeanLength {
-    steps: f64,
-    /// Weight of the mean, in episodes.
-    episodes: f64,
+    others: EpisodeLength,
+    drawn: EpisodeLength,
 }
 
 impl Coverage {
@@ -36,22 +30,7 @@ impl Coverage {
     /// Takes note of episodes and their steps together.
     pub(super) fn observe(&mut self, is_coverage: bool, steps: u64, episodes: u32) {
         let length = if is_coverage { &mut self.drawn } else { &mut self.others };
-        length.add(steps as f64, f64::from(episodes));
-    }
-}
-
-impl MeanLength {
-    /// Episodes that the mean remembers. Lengths change as the agent learns.
-    const MEMORY: f64 = 64.0;
-
-    fn mean(&self) -> Option<f64> {
-        (self.episodes > 0.0 && self.steps > 0.0).then(|| self.steps / self.episodes)
-    }
-
-    fn add(&mut self, steps: f64, episodes: f64) {
-        let kept = (1.0 - episodes / Self::MEMORY).max(0.0);
-        self.steps = self.steps * kept + steps;
-        self.episodes = self.episodes * kept + episodes;
+        length.add(steps, episodes);
     }
 }
 
@@ -72,13 +51,5 @@ mod tests {
         assert!((p * 80.0 / (p * 80.0 + (1.0 - p) * 40.0) - 0.03).abs() < 1e-12);
         assert_eq!(coverage.probability(0.0, || 1.0), 0.0);
         assert_eq!(coverage.probability(1.0, || 1.0), 1.0);
-    }
-
-    #[test]
-    fn lengths_follow_the_latest_episodes() {
-        let mut coverage = Coverage::default();
-        (0..1000).for_each(|_| coverage.observe(false, 10, 1));
-        (0..1000).for_each(|_| coverage.observe(false, 800, 8));
-        assert!((coverage.others.mean().unwrap() - 100.0).abs() < 1e-6);
     }
 }

@@ -13,6 +13,7 @@ mod bandit;
 mod choice;
 mod controller;
 mod coverage;
+mod episode_length;
 mod staircase;
 #[cfg(test)]
 mod tests;
@@ -50,17 +51,11 @@ pub(super) trait Sampler: Clone + Serialize + DeserializeOwned + Send + Sync + '
     /// Share of the steps that is drawn from all rungs, 0 to 1.
     fn coverage(&self, hyperparameters: &Hyperparameters) -> f64;
 
-    /// Chooses a rung. The reason is a few words.
-    fn choose(&self, setting: &SamplerSetting<'_>, rng: &mut KeyedRng) -> (u32, String);
+    /// Chooses the next rung.
+    fn choose(&self, setting: &SamplerSetting<'_>, rng: &mut KeyedRng) -> ChosenRung;
 
-    /// Takes a result into account. `chosen_by` repeats the draws that chose the rung.
-    fn observe(
-        &mut self,
-        result: &RungResult,
-        setting: &SamplerSetting<'_>,
-        chosen_by: KeyedRng,
-        rng: KeyedRng,
-    );
+    /// Takes a result into account.
+    fn observe(&mut self, result: &RungResult, setting: &SamplerSetting<'_>, rng: KeyedRng);
 
     /// True if scenarios must be contested: in tasks in which a blind plan can succeed.
     fn is_contested(&self, setting: &SamplerSetting<'_>) -> bool {
@@ -83,12 +78,24 @@ pub(super) struct SamplerSetting<'a> {
     hyperparameters: &'a Hyperparameters,
 }
 
+/// Choice of a rung, with its reason in a few words.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct ChosenRung {
+    rung: u32,
+    /// Chain of a staircase that chose it.
+    chain: Option<u32>,
+    why: String,
+}
+
 /// Result of a group at a rung.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct RungResult {
     rung: u32,
+    chain: Option<u32>,
     successes: u32,
     failures: u32,
+    /// Steps of all episodes together.
+    steps: u64,
 }
 
 /// Strategy that has a sampler for each task.
@@ -118,10 +125,10 @@ impl<S: Sampler> Strategy for Sampled<S> {
             let why = format!("{}, drawn uniformly, so that no rung is forgotten", setting.name(rung));
             return Proposal { why, ..setting.rungs.propose(rung, ProposalRole::Coverage, &mut rng) };
         }
-        let (rung, why) = state.sampler.choose(&setting, &mut rng);
+        let ChosenRung { rung, chain, why } = state.sampler.choose(&setting, &mut rng);
         let why = format!("{}: {why}", setting.name(rung));
         let contested = state.sampler.is_contested(&setting);
-        Proposal { contested, why, ..setting.rungs.propose(rung, ProposalRole::Rung, &mut rng) }
+        Proposal { contested, chain, why, ..setting.rungs.propose(rung, ProposalRole::Rung, &mut rng) }
     }
 
     fn observe(&mut self, outcome: &GroupOutcome, ctx: &StrategyContext<'_>) -> Vec<LevelMove> {
@@ -137,11 +144,9 @@ impl<S: Sampler> Strategy for Sampled<S> {
             && outcome.role == ProposalRole::Rung
         {
             let successes = outcome.successes.min(outcome.finished);
-            let result = RungResult { rung, successes, failures: outcome.finished - successes };
-            // The draws of the task and for coverage come first, as in `propose`.
-            let mut chosen_by = StrategyContext { seq: outcome.proposal, ..*ctx }.rng();
-            let _earlier_draws = (chosen_by.uniform(), chosen_by.uniform());
-            state.sampler.observe(&result, &setting, chosen_by, ctx.rng());
+            let (failures, steps) = (outcome.finished - successes, outcome.steps);
+            let result = RungResult { rung, chain: outcome.chain, successes, failures, steps };
+            state.sampler.observe(&result, &setting, ctx.rng());
         }
         Vec::new()
     }

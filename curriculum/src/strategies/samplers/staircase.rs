@@ -4,18 +4,23 @@
 //! it down by as much, so each chain hovers where half of the episodes succeed (Levitt 1971, *J. Acoust. Soc. Am.* 49, 467–477;
 //! Cornsweet 1962 interleaves them). A chain that climbs past the top goes on at a random rung, so that an agent that has
 //! learnt all rungs meets all of them.
+//!
+//! Chains have equal shares of the *steps*, not of the episodes: a chain at a rung with long episodes is drawn less often. Otherwise
+//! the highest chains would take most of the steps.
 
 use env_core::KeyedRng;
 use serde::{Deserialize, Serialize};
 
-use super::{RungResult, Sampler, SamplerSetting};
+use super::episode_length::EpisodeLength;
+use super::{ChosenRung, RungResult, Sampler, SamplerSetting};
 use crate::core::settings::hyperparameters::staircase::{CHAINS, COVERAGE, STEP};
 use crate::core::settings::{Hyperparameters, TaskPlan};
 
-/// Positions of the chains on the rungs. A chain without an entry is at 0.
+/// Positions of the chains on the rungs, and lengths of the episodes of each rung. A chain without an entry is at 0.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(in crate::strategies) struct Staircase {
     positions: Vec<f64>,
+    lengths: Vec<EpisodeLength>,
 }
 
 impl Sampler for Staircase {
@@ -31,20 +36,28 @@ impl Sampler for Staircase {
         hyperparameters.number(&COVERAGE)
     }
 
-    fn choose(&self, setting: &SamplerSetting<'_>, rng: &mut KeyedRng) -> (u32, String) {
-        let chain = draw_chain(setting, rng);
-        let position = self.positions.get(chain as usize).copied().unwrap_or(0.0);
-        (floor(position).min(setting.rungs.top()), format!("chain {chain} is at {position:.2}"))
+    fn choose(&self, setting: &SamplerSetting<'_>, rng: &mut KeyedRng) -> ChosenRung {
+        let chains = setting.hyperparameters.integer(&CHAINS);
+        let lengths = self.lengths(setting.rungs.top());
+        let rung_of = |chain: u32| floor(self.position(chain)).min(setting.rungs.top());
+        let weights: Vec<f64> = (0..chains).map(|chain| 1.0 / lengths[rung_of(chain) as usize]).collect();
+        let chain = rng.weighted_index(&weights).and_then(|chain| u32::try_from(chain).ok()).unwrap_or(0);
+        let why = format!("chain {chain} is at {:.2}", self.position(chain));
+        ChosenRung { rung: rung_of(chain), chain: Some(chain), why }
     }
 
-    fn observe(
-        &mut self,
-        result: &RungResult,
-        setting: &SamplerSetting<'_>,
-        mut chosen_by: KeyedRng,
-        mut rng: KeyedRng,
-    ) {
-        let chain = draw_chain(setting, &mut chosen_by) as usize;
+    fn observe(&mut self, result: &RungResult, setting: &SamplerSetting<'_>, mut rng: KeyedRng) {
+        let rung = result.rung as usize;
+        if self.lengths.len() <= rung {
+            self.lengths.resize(rung + 1, EpisodeLength::default());
+        }
+        self.lengths[rung].add(result.steps, result.successes + result.failures);
+        // The number of chains may have changed since.
+        let Some(chain) = result.chain.filter(|chain| *chain < setting.hyperparameters.integer(&CHAINS))
+        else {
+            return;
+        };
+        let chain = chain as usize;
         if self.positions.len() <= chain {
             self.positions.resize(chain + 1, 0.0);
         }
@@ -77,9 +90,21 @@ impl Sampler for Staircase {
     }
 }
 
-/// Draws the chain of a proposal.
-fn draw_chain(setting: &SamplerSetting<'_>, rng: &mut KeyedRng) -> u32 {
-    rng.below(setting.hyperparameters.integer(&CHAINS))
+impl Staircase {
+    fn position(&self, chain: u32) -> f64 {
+        self.positions.get(chain as usize).copied().unwrap_or(0.0)
+    }
+
+    /// Mean length of the episodes of each rung. A rung without episodes has the length of the one below it.
+    fn lengths(&self, top: u32) -> Vec<f64> {
+        let mut last = 1.0;
+        (0..=top as usize)
+            .map(|rung| {
+                last = self.lengths.get(rung).and_then(EpisodeLength::mean).unwrap_or(last);
+                last
+            })
+            .collect()
+    }
 }
 
 /// Largest whole number up to a position, which is not negative.

@@ -132,6 +132,19 @@ fn coverage_has_its_share_of_the_steps() {
     }
 }
 
+/// Chains at rungs with long episodes are drawn less often, so that all chains have equal shares of the steps.
+#[test]
+fn chains_have_equal_shares_of_the_steps() {
+    let episode = |rung: u32| (if rung < 8 { 0.9 } else { 0.1 }, 10 + 90 * u64::from(rung));
+    let (_, flown) = run(&settings(StrategyKind::Staircase, DOCKING), 40_000, 0, episode);
+    let mut steps = vec![0.0; 32];
+    for group in flown[20_000..].iter().filter(|group| group.role == ProposalRole::Rung) {
+        steps[group.proposal.chain.unwrap() as usize] += group.steps as f64;
+    }
+    let mean = steps.iter().sum::<f64>() / 32.0;
+    assert!(steps.iter().all(|share| (0.8 * mean..1.2 * mean).contains(share)), "{steps:?}");
+}
+
 #[test]
 fn start_rungs_scale_starts_at_levels_drawn_uniformly() {
     let (_, flown) = run(&settings(StrategyKind::Staircase, DOCKING), 4000, 0, half_at_six);

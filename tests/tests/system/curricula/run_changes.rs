@@ -16,7 +16,7 @@ async fn invalid_settings_are_rejected_by_field() {
     let server = Server::start().await;
     let api = server.api();
     let cases = [
-        (json!({"strategy": "plrr"}), "strategy", "one of ladder, uniform"),
+        (json!({"strategy": "plrr"}), "strategy", "one of auto, staircase"),
         (
             json!({"strategy": "plr", "strategy_settings": {"replay": 2}}),
             "strategy_settings.replay",

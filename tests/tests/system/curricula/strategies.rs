@@ -146,12 +146,12 @@ async fn plr_prefers_the_highest_reported_metric() {
 async fn column_leases_need_a_drawing_strategy() {
     let server = Server::start().await;
     let api = server.api();
-    for name in ["plr", "plr_robust", "accel", "learnability"] {
+    for name in ["plr", "plr_robust", "accel", "learnability", "auto", "staircase", "controller", "bandit"] {
         create(&api, name, json!({})).await;
         let rejected =
             api.post(&format!("/v1/runs/{name}/leases"), json!({"groups": 100, "form": "columns"})).await;
         let problem = rejected.expect(422);
-        assert!(problem["detail"].as_str().unwrap().contains("ranges of seeds cannot contain"), "{problem}");
+        assert!(problem["detail"].as_str().unwrap().contains("ranges of seeds cannot follow"), "{problem}");
     }
     for name in ["adr", "alp_gmm", "uniform"] {
         create(&api, name, json!({})).await;
