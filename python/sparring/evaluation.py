@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from .curriculum import MAX_GROUP_EPISODES, Curriculum, CurriculumError
 from .errors import invalid
 from .vector import VectorEnvironment, make_vec
@@ -57,6 +59,7 @@ def evaluate(
     training: str | None = None,
     training_seed: int | None = None,
     num_envs: int = 64,
+    decision_steps: int = 1,
     progress: Callable[[int, int], None] | None = None,
     **environment: Any,
 ) -> EvaluationResult:
@@ -75,6 +78,8 @@ def evaluate(
         training: Name that all trainings with the same settings share, to pool their evaluations.
         training_seed: Seed of this training.
         num_envs: Number of environments.
+        decision_steps: Steps for which an action is repeated. Episodes that begin meanwhile act at once, and again at the next
+            decision.
         progress: Called with the number of finished episodes and their total.
         environment: Arguments of `sparring.make_vec` for observations and actions.
 
@@ -82,7 +87,7 @@ def evaluate(
         CurriculumError: The suite is unknown, or the server fails.
         ValueError: The suite has no task of the run, or a value is invalid; the message names the field.
     """
-    _check_arguments(curriculum, policy, environment)
+    _check_arguments(curriculum, policy, decision_steps, environment)
     curriculum.wait_for_server()
     optional = {
         **_choose_suite(curriculum, suite, tasks),
@@ -95,7 +100,7 @@ def evaluate(
     settings |= {"run": curriculum.run, "policy": policy, "policy_version": curriculum.policy_version}
     evaluation = curriculum.request("POST", "/v1/evaluations", settings)
     try:
-        _run_evaluation(curriculum, evaluation, act, num_envs, progress, environment)
+        _run_evaluation(curriculum, evaluation, _RepeatedActions(act, decision_steps), num_envs, progress, environment)
     except BaseException:
         # The remaining episodes will not be run, and the server limits the number of open evaluations.
         with contextlib.suppress(CurriculumError):
@@ -104,11 +109,13 @@ def evaluate(
     return _wait_for_result(curriculum, evaluation["id"])
 
 
-def _check_arguments(curriculum: Any, policy: str, environment: dict[str, Any]) -> None:
+def _check_arguments(curriculum: Any, policy: str, decision_steps: Any, environment: dict[str, Any]) -> None:
     if not isinstance(curriculum, Curriculum):
         raise invalid("curriculum", "a sparring.Curriculum", curriculum)
     if policy == BLIND_PANEL:
         raise ValueError(f"`policy` must not be {policy!r}, the name of the baseline of all suites; choose another name")
+    if isinstance(decision_steps, bool) or not isinstance(decision_steps, int) or decision_steps < 1:
+        raise invalid("decision_steps", "an integer >= 1", decision_steps)
     if "autoreset_mode" in environment:
         raise ValueError("`autoreset_mode` must be omitted: an evaluation runs each scenario once and resets by itself")
 
@@ -131,7 +138,7 @@ def _choose_suite(curriculum: Curriculum, name: str | None, tasks: Sequence[str]
 def _run_evaluation(
     curriculum: Curriculum,
     evaluation: dict[str, Any],
-    act: Callable[[Any], Any],
+    act: _RepeatedActions,
     num_envs: int,
     progress: Callable[[int, int], None] | None,
     environment: dict[str, Any],
@@ -148,14 +155,41 @@ def _run_evaluation(
             envs.close()
 
 
-def _run_episodes(envs: VectorEnvironment, act: Callable[[Any], Any]) -> Iterator[int]:
+class _RepeatedActions:
+    """Actions of a policy, each repeated for some steps."""
+
+    def __init__(self, act: Callable[[Any], Any], steps: int) -> None:
+        self._act, self._steps, self._left = act, steps, 0
+        self._actions: Any = None
+
+    def next(self, observations: Any) -> Any:
+        """Returns the actions of all environments in the next step."""
+        if self._left == 0:
+            self._left = self._steps
+            self._actions = self._act(observations)
+        self._left -= 1
+        return self._actions
+
+    def begin(self, observations: Any, begun: Any) -> None:
+        """Chooses the actions of environments whose episode begins, until the next decision."""
+        if self._left:
+            actions = np.array(self._actions)
+            actions[begun] = np.asarray(self._act(observations))[begun]
+            self._actions = actions
+
+
+def _run_episodes(envs: VectorEnvironment, act: _RepeatedActions) -> Iterator[int]:
     """Runs all episodes; yields the number of finished ones whenever it changes."""
     observations, _ = envs.reset()
-    finished = 0
+    finished, begun = 0, None
     while not envs.idle.all():
-        observations, _, _, _, infos = envs.step(act(observations))
-        if "_episode" in infos:
-            finished += int(infos["_episode"].sum())
+        observations, _, _, _, infos = envs.step(act.next(observations))
+        # The step after an episode's end begins the next one.
+        if begun is not None:
+            act.begin(observations, begun)
+        begun = infos.get("_episode")
+        if begun is not None:
+            finished += int(begun.sum())
             yield finished
 
 

@@ -120,8 +120,7 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
     def _read_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         if seed is None:
             return [None] * self.num_envs
-        if isinstance(seed, np.ndarray) and seed.ndim == 1:
-            seed = list(seed)
+        seed = list(seed) if isinstance(seed, np.ndarray) and seed.ndim == 1 else seed
         if not isinstance(seed, Sequence) or isinstance(seed, (str, bytes)):
             first = check_seed(seed)
             return [first + k for k in range(self.num_envs)]
@@ -167,7 +166,7 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
             gymnasium.error.ResetNeeded: An episode is over or none has begun, and autoreset is disabled.
         """
         if out is not None and not (isinstance(out, tuple) and len(out) == 4):
-            raise invalid("out", "a tuple of four arrays (observations, rewards, terminations, truncations)", type(out))
+            raise invalid("out", "four arrays in a tuple (observations, rewards, terminations, truncations)", type(out))
         observations, rewards, terminations, truncations, any_ended = self._native.step(actions, out)
         infos = {**self._times_info(), **(self._final_infos() if any_ended else {})}
         return self._layout.view(observations), rewards, terminations, truncations, infos
@@ -262,8 +261,8 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
 
     def close_extras(self, **_: Any) -> None:
         """Returns unfinished episodes to the curriculum, which its owner closes."""
-        native = getattr(self, "_native", None)  # some versions of Gymnasium also close an environment whose constructor failed
-        if native is not None:
+        # Some versions of Gymnasium also close an environment whose constructor failed.
+        if (native := getattr(self, "_native", None)) is not None:
             native.release()
 
     @property

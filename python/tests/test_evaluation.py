@@ -36,6 +36,28 @@ def test_suite_of_another_world_is_rejected():
         assert result.mean("docking/single", "score", "all") is not None
 
 
+def test_actions_are_repeated_between_decisions():
+    calls = []
+
+    def act(observations):
+        calls.append(observations)
+        return np.zeros((len(observations), 1), np.int64)
+
+    settings = {"tasks": ["docking/single"], "placement": False, "design": {"designer": "off"}}
+    with local_curriculum(settings=settings, form="groups") as curriculum:
+        with pytest.raises(ValueError, match="`decision_steps` must be an integer >= 1, got 0"):
+            sparring.evaluate(curriculum, act, decision_steps=0)
+        held_out = {"observation": "extended_state", "actions": "few", "rollouts": 1}
+        scores = []
+        for steps in (1, 5):
+            calls.clear()
+            result = sparring.evaluate(curriculum, act, decision_steps=steps, policy=f"hold{steps}", **held_out)
+            scores.append((result.mean("docking/single", "score", "all"), len(calls)))
+    assert all(observations.shape[1:] == (1, 20) for observations in calls)
+    assert scores[0][0] == pytest.approx(scores[1][0]), "an agent that holds does so however often it decides"
+    assert 0.15 * scores[0][1] < scores[1][1] < 0.5 * scores[0][1]
+
+
 def test_evaluation_of_a_failing_policy_is_cancelled():
     def act(observations):
         raise RuntimeError("no policy")

@@ -13,7 +13,10 @@ from typing import Any
 import sparring
 
 #: Strategies of a server.
-STRATEGIES = ("ladder", "uniform", "fixed", "adr", "learnability", "plr", "plr_robust", "accel", "alp_gmm")
+STRATEGIES = (
+    "auto", "staircase", "controller", "bandit", "ladder", "uniform", "fixed", "adr", "learnability", "plr", "plr_robust",
+    "accel", "alp_gmm",
+)  # fmt: skip
 #: Arm that trains at a single level.
 TARGET = "target"
 #: Suffix of a strategy with designed layouts.
@@ -54,7 +57,7 @@ class Experiment:
     rollouts: int = 8
     #: Held-out skill; the report has the steps at which each training reaches it.
     threshold: float = 0.2
-    num_envs: int = 64
+    num_envs: int = 128
 
     def __post_init__(self) -> None:
         for arm in self.arms:

@@ -2,10 +2,10 @@
 
     python -m sparring.experiments ppo --task kessler/survival --steps 300000
 
-One policy controls every satellite (or deputy) from its own row of observations. Environments write into the rollout's arrays, so
-no observation is copied on the way to the learner. Rows of agents that have left, and of episodes that the curriculum only
-measures, are not learned from. The clipped objective and the generalised advantages follow Schulman et al. (2017, equations 7 and
-11), the details of the losses Huang et al. (2022, "The 37 implementation details of PPO").
+One policy controls every satellite (or deputy) from its own row of observations, and chooses among a few actions. Environments
+write into the rollout's arrays, so no observation is copied on the way to the learner. Rows of agents that have left, and of
+episodes that the curriculum only measures, are not learned from. The clipped objective and the generalised advantages follow
+Schulman et al. (2017, equations 7 and 11), the details of the losses Huang et al. (2022, "The 37 implementation details of PPO").
 """
 
 from __future__ import annotations
@@ -29,6 +29,9 @@ import sparring
 from ..errors import invalid
 from ..trainer_metrics import TrainerReport
 
+#: Reward of an agent from which its end counts as a success: a deputy that docks gets more, any other end costs something.
+SUCCESS_REWARD = 0.5
+
 
 def _option(default: Any, help: str) -> Any:
     return field(default=default, metadata={"help": help})
@@ -36,29 +39,34 @@ def _option(default: Any, help: str) -> Any:
 
 @dataclass(frozen=True)
 class Config:
-    """Hyperparameters of a training."""
+    """Hyperparameters of a training. `Config.tuned` returns those of a task."""
 
     task: str | None = _option(None, "id of a task (default: kessler/survival, or the tasks of the run)")
     level: int | None = _option(None, "level, 0 to 9, if there is no curriculum (default: the default params)")
     steps: int = _option(300_000, "total env-steps; a step of an environment counts once, for any number of agents")
-    num_envs: int = _option(64, "number of environments")
-    rollout: int = _option(50, "steps of each environment per update; 50 is an episode of kessler")
+    num_envs: int = _option(128, "number of environments")
+    rollout: int = _option(50, "decisions of each environment per update; 50 is an episode of kessler")
+    decision_steps: int = _option(1, "env-steps for which an action is repeated")
+    observation: str | None = _option(None, "observation mode (default: that of the world)")
+    actions: str = _option("few", "`few` actions, or the larger grid of `discrete` ones")
+    hold_logit: float = _option(3.0, "initial logit of hold; a policy that first does little learns sooner what acting changes")
+    reward_weight: float = _option(0.0, "weight of the environment's rewards")
+    loss_cost: float = _option(1.0, "cost of an agent's own loss: its end before the horizon without a success")
+    success_reward: float = _option(0.0, "reward of an agent that ends with success, as a deputy that docks")
     threads: int = _option(1, "threads of environments and of torch")
-    learning_rate: float = _option(5e-4, "learning rate of Adam")
-    gamma: float = _option(0.97, "discount factor")
-    gae_lambda: float = _option(0.9, "lambda of generalised advantage estimation")
-    epochs: int = _option(8, "passes over a rollout")
-    minibatches: int = _option(4, "minibatches of a rollout, with one update each")
+    learning_rate: float = _option(2e-3, "learning rate of Adam at the start; it falls linearly to a tenth")
+    gamma: float = _option(0.98, "discount factor of a decision")
+    gae_lambda: float = _option(0.8, "lambda of generalised advantage estimation")
+    epochs: int = _option(4, "passes over a rollout")
+    minibatch: int = _option(1024, "rows of a minibatch, with one update each")
     clip: float = _option(0.2, "clip range of the probability ratio")
-    value_weight: float = _option(0.5, "weight of the critic's loss")
     entropy_weight: float = _option(0.0, "weight of the entropy bonus")
     max_grad_norm: float = _option(0.5, "maximum norm of gradients")
-    hidden: int = _option(128, "units of each of the two hidden layers")
-    log_std: float = _option(-1.5, "initial logarithm of the standard deviation of actions, which are from -1 to 1")
+    hidden: int = _option(64, "units of each of the two hidden layers")
     seed: int = _option(1, "seed of weights, exploration and, without a curriculum, scenarios")
 
     def __post_init__(self) -> None:
-        for name in ("steps", "num_envs", "rollout", "threads", "epochs", "minibatches", "hidden"):
+        for name in ("steps", "num_envs", "rollout", "decision_steps", "threads", "epochs", "minibatch", "hidden"):
             if getattr(self, name) < 1:
                 raise invalid(name, ">= 1", getattr(self, name))
         if not 0 <= self.seed < 2**32:
@@ -70,16 +78,48 @@ class Config:
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise invalid(name, "from 0 to 1", getattr(self, name))
 
+    @staticmethod
+    def tuned(task: str, **changes: Any) -> Config:
+        """Returns the settings that were tuned for a task under uniform levels, with some changes."""
+        return Config(**{"task": task, **tuned_settings(task), **changes})
+
+
+#: Settings of each world and task that differ from the defaults. They were tuned under uniform levels.
+TUNED: dict[str, dict[str, Any]] = {
+    "docking": {
+        "rollout": 64,
+        "decision_steps": 5,
+        "observation": "extended_state",
+        "hold_logit": 2.0,
+        "reward_weight": 1.0,
+        "loss_cost": 0.0,
+        "learning_rate": 1.5e-3,
+        "gamma": 0.99,
+        "gae_lambda": 0.95,
+        "entropy_weight": 0.002,
+    },
+    "kessler/rendezvous": {"reward_weight": 4.0},
+    "kessler/eco_station": {"reward_weight": 2.0},
+    "kessler/formation": {"reward_weight": 4.0},
+    "tasking": {"reward_weight": 1.0, "hold_logit": 0.0, "gamma": 0.997, "gae_lambda": 0.95, "entropy_weight": 0.002},
+}
+
+
+def tuned_settings(task: str) -> dict[str, Any]:
+    """Returns the settings of a task that differ from the defaults."""
+    return {**TUNED.get(task.split("/")[0], {}), **TUNED.get(task, {})}
+
 
 class Policy(nn.Module):
-    """Actor and critic of one agent, without shared weights."""
+    """Actor and critic of one agent, without shared weights. The actor has a logit for each action."""
 
-    def __init__(self, observation_size: int, action_size: int, config: Config) -> None:
+    def __init__(self, observation_size: int, choices: int, config: Config) -> None:
         super().__init__()
-        self.sizes, self.config = (observation_size, action_size), config
-        self.actor = _layers(observation_size, config.hidden, action_size, 0.01)
+        self.sizes, self.config = (observation_size, choices), config
+        self.actor = _layers(observation_size, config.hidden, choices, 0.01)
         self.critic = _layers(observation_size, config.hidden, 1, 1.0)
-        self.log_std = nn.Parameter(torch.full((action_size,), config.log_std))
+        with torch.no_grad():
+            self.actor[-1].bias[0] = config.hold_logit
 
     def save(self, file: str) -> None:
         """Saves the weights and the configuration."""
@@ -95,27 +135,29 @@ class Policy(nn.Module):
         saved = torch.load(file)
         if not isinstance(saved, dict) or not {"sizes", "config", "weights"} <= saved.keys():
             raise invalid("file", "a file that Policy.save wrote", file)
-        observation_size, action_size = saved["sizes"]
-        policy = Policy(observation_size, action_size, Config(**saved["config"]))
+        observation_size, choices = saved["sizes"]
+        policy = Policy(observation_size, choices, Config(**saved["config"]))
         policy.load_state_dict(saved["weights"])
         return policy
 
-    def distribution(self, rows: torch.Tensor) -> torch.distributions.Normal:
-        """Returns the distribution of each value of an action."""
-        return torch.distributions.Normal(self.actor(rows), self.log_std.exp())
-
-    def act(self, observations: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    def act(self, observations: npt.NDArray[np.float32]) -> npt.NDArray[np.int64]:
         """Returns the most likely actions of all agents of all environments, for `sparring.evaluate`."""
         with torch.no_grad():
-            actions: npt.NDArray[np.float32] = self.actor(torch.from_numpy(np.ascontiguousarray(observations))).numpy()
+            actions: npt.NDArray[np.int64] = self.actor(torch.from_numpy(np.ascontiguousarray(observations))).argmax(-1).numpy()
         return actions
 
-    def sample(self, observations: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    def sample(self, observations: npt.NDArray[np.float32]) -> npt.NDArray[np.int64]:
         """Samples actions of all agents of all environments, for `sparring.evaluate` with `stochastic=True`."""
         with torch.no_grad():
-            rows = torch.from_numpy(np.ascontiguousarray(observations))
-            actions: npt.NDArray[np.float32] = self.distribution(rows).sample().numpy()
+            actions: npt.NDArray[np.int64] = self.draw(torch.from_numpy(np.ascontiguousarray(observations)))[0].numpy()
         return actions
+
+    def draw(self, rows: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Draws an action for each row; returns the actions and their log-probabilities."""
+        log_probs = self.actor(rows).log_softmax(-1)
+        # The largest of the logits plus Gumbel noise is a sample (Gumbel 1954).
+        actions = (log_probs - torch.empty_like(log_probs).exponential_().log()).argmax(-1)
+        return actions, log_probs.gather(-1, actions.unsqueeze(-1)).squeeze(-1)
 
 
 def _layers(inputs: int, hidden: int, outputs: int, gain: float) -> nn.Sequential:
@@ -132,16 +174,17 @@ def _layers(inputs: int, hidden: int, outputs: int, gain: float) -> nn.Sequentia
 
 
 class Rollout:
-    """Transitions of some steps of all environments, in arrays that the environments write."""
+    """Transitions of some decisions of all environments, in arrays that the environments write."""
 
-    def __init__(self, envs: sparring.VectorEnvironment, steps: int) -> None:
-        row = envs.single_observation_space.shape or ()
-        shape = (steps, envs.num_envs, (row or (1,))[0])
-        #: Observations; one more than steps, since the last values need the observation after the last step.
+    def __init__(self, envs: sparring.VectorEnvironment, config: Config) -> None:
+        self.config = config
+        steps, row = config.rollout, envs.single_observation_space.shape or ()
+        shape = (steps, envs.num_envs, row[0])
+        #: Observations; one more than decisions, since the last values need the observation after the last decision.
         self.observations = np.zeros((steps + 1, envs.num_envs, *row), np.float32)
         #: The same memory in the shape that environments write.
         self.out = self.observations.reshape(steps + 1, *envs.empty_observations().shape)
-        self.actions = np.zeros((*shape, *(envs.agent_action_space.shape or ())), np.float32)
+        self.actions = np.zeros(shape, np.int64)
         self.log_probs = np.zeros(shape, np.float32)
         self.values = np.zeros((steps + 1, *shape[1:]), np.float32)
         self.rewards = np.zeros(shape, np.float32)
@@ -159,30 +202,49 @@ class Rollout:
             absent: Agents that take no part, envs × agents; updated in place.
         """
         returns: list[float] = []
-        train = envs.train if envs.curriculum else np.ones(envs.num_envs, np.bool_)
         for step in range(len(self.rewards)):
-            with torch.no_grad():
-                rows = torch.from_numpy(self.observations[step])
-                distribution = policy.distribution(rows)
-                actions = distribution.sample()
-                self.log_probs[step] = distribution.log_prob(actions).sum(-1).numpy()
-                self.values[step] = policy.critic(rows).squeeze(-1).numpy()
-            self.actions[step] = actions.numpy()
+            train = envs.train if envs.curriculum else np.ones(envs.num_envs, np.bool_)
             self.active[step] = ~absent & train[:, None]
-            *_, infos = envs.step(self.actions[step], out=(self.out[step + 1], *self._team))
-            results = envs.agent_results()
-            self.rewards[step] = results.rewards
-            self.dones[step] = results.terminations | results.truncations
-            absent[:] = self.dones[step]
-            if "_episode" in infos:
-                ended = infos["_episode"]
-                returns += infos["episode"]["r"][ended].tolist()
-                self.dones[step, ended] = True
-                absent[ended] = envs.absent_agents()[ended]
-                train = envs.train if envs.curriculum else train
+            with torch.no_grad():
+                actions, log_probs = policy.draw(torch.from_numpy(self.observations[step]))
+            self.actions[step], self.log_probs[step] = actions.numpy(), log_probs.numpy()
+            returns += self._repeat(envs, policy, step, absent)
         with torch.no_grad():
-            self.values[-1] = policy.critic(torch.from_numpy(self.observations[-1])).squeeze(-1).numpy()
+            self.values[:] = policy.critic(torch.from_numpy(self.observations)).squeeze(-1).numpy()
         return returns
+
+    def _repeat(self, envs: sparring.VectorEnvironment, policy: Policy, step: int, absent: npt.NDArray[np.bool_]) -> list[float]:
+        """Repeats the actions of a decision.
+
+        Episodes that begin meanwhile act by the policy until the next decision, too. Their first steps are not learned from.
+        """
+        config, actions, returns = self.config, self.actions[step].copy(), []
+        rewards, dones = self.rewards[step], self.dones[step]
+        rewards[:], dones[:] = 0.0, False
+        for _ in range(config.decision_steps):
+            *_, infos = envs.step(actions, out=(self.out[step + 1], *self._team))
+            results = envs.agent_results()
+            ended = results.terminations | results.truncations
+            rewards += self._reward(results) * ~dones
+            dones |= ended
+            absent |= ended
+            if "_episode" in infos:
+                over = infos["_episode"]
+                returns += infos["episode"]["r"][over].tolist()
+                dones[over] = True
+                absent[over] = envs.absent_agents()[over]
+                if config.decision_steps > 1:
+                    actions[over] = policy.sample(self.observations[step + 1][over])
+        return returns
+
+    def _reward(self, results: Any) -> npt.NDArray[np.float32]:
+        config, rewards = self.config, results.rewards
+        success = results.terminations & (rewards > SUCCESS_REWARD)
+        lost = results.terminations & ~results.truncations & ~success
+        total: npt.NDArray[np.float32] = (
+            config.reward_weight * rewards + config.success_reward * success - config.loss_cost * lost
+        ).astype(np.float32)
+        return total
 
     def advantages(self, gamma: float, gae_lambda: float) -> npt.NDArray[np.float32]:
         """Returns generalised advantages. An episode ends at its horizon, since the score counts no later reward."""
@@ -199,36 +261,35 @@ class Rollout:
 def learn(policy: Policy, optimizer: torch.optim.Optimizer, rollout: Rollout, config: Config) -> dict[str, float]:
     """Runs all epochs on a rollout; returns metrics of the last minibatch."""
     advantages = rollout.advantages(config.gamma, config.gae_lambda)
-    active = rollout.active.reshape(-1)
+    active = torch.from_numpy(rollout.active.reshape(-1)).nonzero().squeeze(-1)
 
-    def rows(array: npt.NDArray[np.float32]) -> torch.Tensor:
-        return torch.from_numpy(array.reshape(active.size, *array.shape[3:])[active])
+    def rows(array: npt.NDArray[Any]) -> torch.Tensor:
+        flat = torch.from_numpy(array.reshape(rollout.active.size, *array.shape[3:]))
+        return flat if len(active) == rollout.active.size else flat[active]
 
-    observations, actions = rows(rollout.observations[:-1]), rows(rollout.actions)
+    observations, actions = rows(rollout.observations[:-1]), rows(rollout.actions).unsqueeze(-1)
     old_log_probs, row_advantages = rows(rollout.log_probs), rows(advantages)
     targets = row_advantages + rows(rollout.values[:-1])
+    row_advantages = (row_advantages - row_advantages.mean()) / (row_advantages.std() + 1e-6)
+    parameters = list(policy.parameters())
     metrics: dict[str, float] = {}
     for _ in range(config.epochs):
-        for batch in torch.randperm(len(observations)).chunk(config.minibatches):
-            if len(batch) < 2:
-                continue
-            distribution = policy.distribution(observations[batch])
-            ratio = (distribution.log_prob(actions[batch]).sum(-1) - old_log_probs[batch]).exp()
-            advantage = row_advantages[batch]
-            advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
+        for batch in torch.randperm(len(observations)).chunk(max(1, len(observations) // config.minibatch)):
+            batch_rows, advantage = observations[batch], row_advantages[batch]
+            log_probs = policy.actor(batch_rows).log_softmax(-1)
+            ratio = (log_probs.gather(-1, actions[batch]).squeeze(-1) - old_log_probs[batch]).exp()
             clipped = ratio.clamp(1 - config.clip, 1 + config.clip)
-            policy_loss = -torch.min(ratio * advantage, clipped * advantage).mean()
-            value_loss = 0.5 * (policy.critic(observations[batch]).squeeze(-1) - targets[batch]).pow(2).mean()
-            entropy = distribution.entropy().sum(-1).mean()
+            loss = -torch.min(ratio * advantage, clipped * advantage).mean()
+            value_loss = (policy.critic(batch_rows).squeeze(-1) - targets[batch]).pow(2).mean()
+            if config.entropy_weight:
+                loss = loss + config.entropy_weight * (log_probs.exp() * log_probs).sum(-1).mean()
             optimizer.zero_grad()
-            (policy_loss + config.value_weight * value_loss - config.entropy_weight * entropy).backward()
-            nn.utils.clip_grad_norm_(policy.parameters(), config.max_grad_norm)
+            (loss + 0.5 * value_loss).backward()
+            nn.utils.clip_grad_norm_(parameters, config.max_grad_norm)
             optimizer.step()
-            metrics = {
-                "policy_loss": policy_loss.item(),
-                "value_loss": value_loss.item(),
-                "std": policy.log_std.exp().mean().item(),
-            }
+    with torch.no_grad():
+        hold = log_probs[:, 0].exp().mean()
+    metrics = {"policy_loss": loss.item(), "value_loss": value_loss.item(), "hold": hold.item()}
     return metrics
 
 
@@ -236,8 +297,19 @@ def make_envs(config: Config, curriculum: sparring.Curriculum | None) -> sparrin
     """Makes the environments of a training."""
     level = None if curriculum else config.level
     return sparring.make_vec(
-        config.task, config.num_envs, curriculum=curriculum, level=level, autoreset_mode="same_step", threads=config.threads
+        config.task,
+        config.num_envs,
+        curriculum=curriculum,
+        level=level,
+        autoreset_mode="same_step",
+        threads=config.threads,
+        **environment_settings(config),
     )
+
+
+def environment_settings(config: Config) -> dict[str, Any]:
+    """Returns the arguments of `sparring.make_vec` for the observations and actions of a policy."""
+    return {"observation": config.observation, "actions": config.actions}
 
 
 def train(
@@ -259,15 +331,16 @@ def train(
     torch.set_num_threads(config.threads)
     envs = make_envs(config, curriculum)
     try:
-        rollout = Rollout(envs, config.rollout)
-        policy = Policy(rollout.observations.shape[-1], rollout.actions.shape[-1], config)
+        rollout = Rollout(envs, config)
+        policy = Policy(rollout.observations.shape[-1], int(envs.agent_action_space.n), config)  # type: ignore[union-attr]
         optimizer = torch.optim.Adam(policy.parameters(), config.learning_rate, eps=1e-5)
         envs.reset(seed=config.seed, out=rollout.out[0])
         absent = envs.absent_agents()
-        steps_per_rollout = config.rollout * config.num_envs
+        steps_per_rollout = config.rollout * config.decision_steps * config.num_envs
         steps = 0
         while steps < config.steps:
             started = time.perf_counter()
+            optimizer.param_groups[0]["lr"] = config.learning_rate * (1.0 - 0.9 * steps / config.steps)
             returns = rollout.collect(envs, policy, absent)
             collected = time.perf_counter()
             metrics = learn(policy, optimizer, rollout, config)
@@ -294,7 +367,7 @@ def measure_speed(config: Config, seconds: float = 2.0) -> float:
     envs = make_envs(config, None)
     flags = (np.zeros(envs.num_envs, np.bool_), np.zeros(envs.num_envs, np.bool_))
     out = (envs.empty_observations(), np.zeros(envs.num_envs), *flags)
-    actions = np.zeros(envs.action_space.shape or (), np.float32)
+    actions = np.zeros(envs.action_space.shape or (), np.int64)
     envs.reset(seed=config.seed, out=out[0])
     steps, started = 0, time.perf_counter()
     while time.perf_counter() - started < seconds:

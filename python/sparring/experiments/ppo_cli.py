@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import csv
 import sys
-from dataclasses import asdict, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,9 @@ def main(arguments: list[str] | None = None) -> None:
         if file and not Path(file).resolve().parent.is_dir():
             parser.error(f"--{name} must be a file in an existing folder, got {file}: create {Path(file).resolve().parent}")
     try:
-        config = ppo.Config(**{name: getattr(args, name) for name in asdict(ppo.Config())})
+        given = {option.name: getattr(args, option.name) for option in fields(ppo.Config)}
+        given = {name: value for name, value in given.items() if value is not None}
+        config = ppo.Config.tuned(**given) if args.task else ppo.Config(**given)
         ppo.make_envs(config, None).close()
     except ValueError as error:
         parser.error(str(error))
@@ -43,12 +45,16 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m sparring.experiments ppo", description=ppo.__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        prog="python -m sparring.experiments ppo",
+        description=ppo.__doc__,
+        epilog="With --task, options that are left out have the values that were tuned for the task, where they differ from the "
+        "defaults in brackets.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     for option in fields(ppo.Config):
-        kind = {"task": str, "level": int}.get(option.name, type(option.default))
-        help = option.metadata["help"] + ("" if option.default is None else " (%(default)s)")
-        parser.add_argument(f"--{option.name.replace('_', '-')}", type=kind, default=option.default, help=help)
+        kind = {"task": str, "level": int, "observation": str}.get(option.name, type(option.default))
+        help = option.metadata["help"] + ("" if option.default is None else f" ({option.default})")
+        parser.add_argument(f"--{option.name.replace('_', '-')}", type=kind, help=help)
     server = parser.add_mutually_exclusive_group()
     server.add_argument("--url", help="address of a running server (`sparring serve`), whose curriculum chooses the scenarios")
     server.add_argument(
@@ -71,7 +77,8 @@ def _run(args: argparse.Namespace, config: ppo.Config) -> None:
         policy = ppo.train(config, curriculum, log.report)
         if curriculum:
             curriculum.flush()
-            result = sparring.evaluate(curriculum, policy.act, policy="ppo", stochastic=False)
+            settings = {"decision_steps": config.decision_steps, **ppo.environment_settings(config)}
+            result = sparring.evaluate(curriculum, policy.sample, policy="ppo", stochastic=True, **settings)
             for task in curriculum.tasks:
                 skill = result.mean(task)
                 skill_text = "no" if skill is None else format(skill, ".3f")

@@ -38,14 +38,14 @@ def run(folder: Path, experiment: Experiment, training: Training, address: Serve
     shutil.rmtree(target, ignore_errors=True)
     target.mkdir(parents=True)
     settings = experiment.run_settings(training.arm, training.seed)
-    config = ppo.Config(steps=experiment.budget, num_envs=experiment.num_envs, seed=training.seed)
+    config = learner_config(experiment, training.seed)
     started = time.monotonic()
     with sparring.Curriculum(address.url, token=address.token, settings=settings, form="groups") as curriculum:
         monitor = _TrainingMonitor(experiment, curriculum, progress)
         policy = ppo.train(config, curriculum, monitor.after_rollout)
         training_s = time.monotonic() - started - monitor.evaluation_s
         curriculum.flush()
-        result = _evaluate(experiment, curriculum, policy.sample, training, rollouts=experiment.rollouts, stochastic=True)
+        result = _evaluate(experiment, curriculum, policy, training, rollouts=experiment.rollouts)
         _write_csv(target / "curve.csv", monitor.curve)
         _write_csv(target / "scenarios.csv", _read_scenarios(curriculum, result.id))
         torch.save(policy.state_dict(), target / "policy.pt")
@@ -64,6 +64,13 @@ def run(folder: Path, experiment: Experiment, training: Training, address: Serve
             "server": curriculum.request("GET", "/openapi.json")["info"]["version"],
         }
     write_json(target / DONE_FILE, done)
+
+
+def learner_config(experiment: Experiment, seed: int) -> ppo.Config:
+    """Returns the settings of the learner: those that were tuned for the task, or the defaults for several tasks."""
+    changes: dict[str, Any] = {"steps": experiment.budget, "num_envs": experiment.num_envs, "seed": seed}
+    tasks = experiment.tasks
+    return ppo.Config.tuned(tasks[0], **changes) if len(tasks) == 1 else ppo.Config(**changes)
 
 
 class _TrainingMonitor:
@@ -86,7 +93,7 @@ class _TrainingMonitor:
         while self._next <= steps:
             self._next += max(1, self.experiment.budget // self.experiment.evaluations)
         started = time.monotonic()
-        result = _evaluate(self.experiment, self.curriculum, policy.act, None, rollouts=1, stochastic=False)
+        result = _evaluate(self.experiment, self.curriculum, policy, None, rollouts=1)
         curriculum_metrics = self.curriculum.metrics()
         for task in self.experiment.tasks:
             held_out = {name: result.mean(task, name) for name in ("skill", "success", "score")}
@@ -109,7 +116,7 @@ class _TrainingMonitor:
 def _evaluate(
     experiment: Experiment,
     curriculum: sparring.Curriculum,
-    act: Callable[[Any], Any],
+    policy: ppo.Policy,
     training: Training | None,
     **arguments: Any,
 ) -> sparring.EvaluationResult:
@@ -117,8 +124,17 @@ def _evaluate(
     with torch.random.fork_rng():
         if training is not None:
             arguments |= {"training": training.arm, "training_seed": training.seed}
-        policy = "checkpoint" if training is None else training.arm
-        return sparring.evaluate(curriculum, act, suite=experiment.suite, policy=policy, num_envs=EVALUATION_ENVS, **arguments)
+        return sparring.evaluate(
+            curriculum,
+            policy.sample,
+            suite=experiment.suite,
+            policy="checkpoint" if training is None else training.arm,
+            stochastic=True,
+            num_envs=EVALUATION_ENVS,
+            decision_steps=policy.config.decision_steps,
+            **ppo.environment_settings(policy.config),
+            **arguments,
+        )
 
 
 def _read_scenarios(curriculum: sparring.Curriculum, evaluation: str) -> list[dict[str, Any]]:

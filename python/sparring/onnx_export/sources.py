@@ -28,8 +28,8 @@ def read_model(model: Any) -> SourcePolicy:
     # A policy exists only if its module was imported.
     ppo = sys.modules.get("sparring.experiments.ppo")
     if ppo is not None and isinstance(model, ppo.Policy):
-        observations, actions = model.sizes
-        return SourcePolicy(model.actor, (observations,), ActionShape((actions,), None))
+        observations, choices = model.sizes
+        return SourcePolicy(model.actor, (observations,), ActionShape((), choices))
     if isinstance(model, nn.Module):
         return SourcePolicy(model)
     kinds = "an algorithm of Stable-Baselines3, a sparring.experiments.ppo.Policy or a torch.nn.Module"

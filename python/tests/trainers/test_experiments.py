@@ -14,7 +14,7 @@ from sparring.experiments import ppo, ppo_cli
 
 def test_advantages_equal_their_definition():
     envs = sparring.make_vec("kessler/survival", 2, autoreset_mode="same_step")
-    rollout = ppo.Rollout(envs, 6)
+    rollout = ppo.Rollout(envs, ppo.Config(rollout=6))
     rng = np.random.default_rng(1)
     rollout.rewards[:] = rng.normal(size=rollout.rewards.shape)
     rollout.values[:] = rng.normal(size=rollout.values.shape)
@@ -37,16 +37,16 @@ def test_advantages_equal_their_definition():
 
 
 def test_rollout_has_the_environments_observations():
-    config = ppo.Config(task="kessler/survival", level=9, num_envs=4)
+    config = ppo.Config(task="kessler/survival", level=9, num_envs=4, rollout=60)
     envs = ppo.make_envs(config, None)
-    rollout = ppo.Rollout(envs, 60)
+    rollout = ppo.Rollout(envs, config)
     torch.manual_seed(1)
-    policy = ppo.Policy(rollout.observations.shape[-1], 2, config)
+    policy = ppo.Policy(rollout.observations.shape[-1], 5, config)
     envs.reset(seed=1, out=rollout.observations[0])
     absent = envs.absent_agents()
     rollout.collect(envs, policy, absent)
     assert rollout.observations.any(axis=(1, 2, 3)).all()
-    replayed = sparring.make_vec("kessler/survival", 4, level=9, autoreset_mode="same_step")
+    replayed = sparring.make_vec("kessler/survival", 4, level=9, actions="few", autoreset_mode="same_step")
     observations, _ = replayed.reset(seed=1)
     absent = replayed.absent_agents()
     for step in range(60):
@@ -62,6 +62,44 @@ def test_rollout_has_the_environments_observations():
     replayed.close()
 
 
+def test_repeated_actions_collect_rewards_until_an_episode_ends():
+    config = ppo.Config.tuned("docking/single", num_envs=8, rollout=40, level=3)
+    envs = ppo.make_envs(config, None)
+    rollout = ppo.Rollout(envs, config)
+    torch.manual_seed(3)
+    policy = ppo.Policy(rollout.observations.shape[-1], 13, config)
+    envs.reset(seed=2, options={"params": {"start_scale": 0.01}}, out=rollout.out[0])
+    rollout.collect(envs, policy, envs.absent_agents())
+    replayed = ppo.make_envs(config, None)
+    replayed.reset(seed=2, options={"params": {"start_scale": 0.01}})
+    torch.manual_seed(3)
+    policy = ppo.Policy(rollout.observations.shape[-1], 13, config)
+    for step in range(40):
+        with torch.no_grad():
+            policy.draw(torch.from_numpy(rollout.observations[step]))
+        actions, over = rollout.actions[step].copy(), np.zeros(8, bool)
+        total = np.zeros(8)
+        for _ in range(5):
+            observations, rewards, *_, infos = replayed.step(actions)
+            total += np.where(over, 0.0, rewards)
+            if "_episode" in infos:
+                over |= infos["_episode"]
+                actions[infos["_episode"]] = policy.sample(observations[infos["_episode"]])
+        assert np.allclose(rollout.rewards[step, :, 0], total, atol=1e-5)
+        assert (rollout.dones[step, :, 0] == over).all()
+        assert (rollout.observations[step + 1] == observations).all()
+    assert rollout.dones.any()
+    envs.close()
+    replayed.close()
+
+
+def test_tuned_settings_belong_to_the_task():
+    assert ppo.Config.tuned("docking/multiagent").decision_steps == 5
+    assert ppo.Config.tuned("kessler/rendezvous", seed=4) == ppo.Config(task="kessler/rendezvous", reward_weight=4.0, seed=4)
+    for task in sparring.tasks():
+        ppo.make_envs(ppo.Config.tuned(task, num_envs=2), None).close()
+
+
 @needs_server
 def test_training_with_a_curriculum_improves_skill(tmp_path):
     settings = {"tasks": ["kessler/survival"], "design": {"designer": "off"}}
@@ -69,7 +107,8 @@ def test_training_with_a_curriculum_improves_skill(tmp_path):
     with sparring.Curriculum.local(binary=BINARY, settings=settings, form="groups") as curriculum:
         policy = ppo.train(ppo.Config(steps=100_000), curriculum, lambda steps, _, metrics: reports.append((steps, metrics)))
         curriculum.flush()
-        skill = sparring.evaluate(curriculum, policy.act, policy="ppo", stochastic=False).mean("kessler/survival")
+        result = sparring.evaluate(curriculum, policy.sample, policy="ppo", stochastic=True, rollouts=2, actions="few")
+        skill = result.mean("kessler/survival")
         versions = curriculum.request("GET", f"/v1/runs/{curriculum.run}")["policy_version"]
     assert reports[-1][0] >= 100_000
     assert versions >= 20
@@ -79,7 +118,7 @@ def test_training_with_a_curriculum_improves_skill(tmp_path):
 
 @pytest.mark.parametrize(
     ("line", "field"),
-    [("--steps -5", "steps"), ("--minibatches 0", "minibatches"), ("--run run-x", "--run"), ("--task moon", "task")],
+    [("--steps -5", "steps"), ("--minibatch 0", "minibatch"), ("--run run-x", "--run"), ("--task moon", "task")],
 )
 def test_invalid_option_is_reported(line, field, capsys):
     with pytest.raises(SystemExit) as ended:
@@ -94,7 +133,7 @@ def test_saved_policy_acts_as_before(tmp_path, capsys):
     assert "600 steps" in capsys.readouterr().out, "the last rollout is printed"
     policy = ppo.Policy.load(str(file))
     observations = np.random.default_rng(1).normal(size=(2, 3, policy.sizes[0])).astype(np.float32)
-    assert policy.act(observations).shape == (2, 3, 2)
+    assert policy.act(observations).shape == (2, 3)
     assert (policy.act(observations) == ppo.Policy.load(str(file)).act(observations)).all()
 
 
