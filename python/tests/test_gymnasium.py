@@ -145,7 +145,12 @@ def test_extended_state_is_docking_only():
     env = sparring.Environment("docking/single", observation="extended_state")
     observation, _ = env.reset(seed=4)
     assert observation.shape == env.observation_space.shape == (1, 20)
-    assert [name.removeprefix("deputy_0_") for name in env.columns()][8:12] == ["time_left", "time_left_share", "log_thrust_bound", "log_distance"]
+    assert [name.removeprefix("deputy_0_") for name in env.columns()][8:12] == [
+        "time_left",
+        "time_left_share",
+        "log_thrust_bound",
+        "log_distance",
+    ]
     with pytest.raises(ValueError, match="`observation` must be tracks or telemetry in kessler@1"):
         sparring.Environment("kessler/survival", observation="extended_state")
 

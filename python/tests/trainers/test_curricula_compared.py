@@ -137,7 +137,7 @@ def experiment_folder(tmp_path_factory):
 
 
 def options(out):
-    size = ("--seeds", 1, "--budget", 6400, "--evaluations", 1, "--rollouts", 2)
+    size = ("--seeds", 1, "--budget", 6400, "--evaluations", 1, "--rollouts", 2, "--num-envs", 64)
     return ("--out", out, "--strategies", "uniform,target", *size)
 
 

@@ -111,7 +111,7 @@ def test_training_with_a_curriculum_improves_skill(tmp_path):
         skill = result.mean("kessler/survival")
         versions = curriculum.request("GET", f"/v1/runs/{curriculum.run}")["policy_version"]
     assert reports[-1][0] >= 100_000
-    assert versions >= 20
+    assert versions >= 10
     # Trainings by hand reached 0.2 to 0.4; an agent that holds has 0.0, a random agent less.
     assert skill > 0.1
 
@@ -141,15 +141,15 @@ def test_saved_policy_acts_as_before(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("start", "shorter", "more"),
     [
-        ("--local", {"--steps 1000000": "--steps 3200"}, ()),
-        ("--task", {}, ("--steps", "3200")),
+        ("--local", {"--steps 1000000": "--steps 6400"}, ()),
+        ("--task", {}, ("--steps", "6400")),
     ],
 )
 def test_printed_commands_train(start, shorter, more, tmp_path):
     page = "docs/guides/train-own-loop.md"
     command = printed_command(page, f"python -m sparring.experiments ppo {start}", shorter)
     output = run_command(command, tmp_path, *more)
-    assert "3,200 steps" in output
+    assert "6,400 steps" in output
     assert ("skill on held-out contested scenarios" in output) == (tmp_path / "runs").exists() == (start == "--local")
 
 
@@ -158,4 +158,4 @@ def test_docking_can_be_trained(task):
     reports = []
     policy = ppo.train(ppo.Config(task=task, steps=80, num_envs=2, rollout=20), None, lambda *report: reports.append(report))
     assert [steps for steps, *_ in reports] == [40, 80]
-    assert policy.sizes == (8, 3)
+    assert policy.sizes == (8, 13)

@@ -65,7 +65,7 @@ def compare(model, file, suite, normalize=None, **environment):
     expected, measured = means(result.rows, tasks), means(json.loads(ended.stdout)["rows"], tasks)
     assert expected.keys() == measured.keys()
     assert len(expected) == 3 * len(tasks) * len(MEASURES)
-    is_discrete = environment.get("actions") == "discrete"
+    is_discrete = environment.get("actions") in ("discrete", "few")
     assert measured == pytest.approx(expected, **(EXACT if is_discrete else TOLERANCE))
     differences = [abs(measured[key] - mean) for key, mean in expected.items() if mean is not None]
     assert len(differences) >= 10
@@ -73,12 +73,20 @@ def compare(model, file, suite, normalize=None, **environment):
 
 
 @needs_server
-@pytest.mark.parametrize(("algorithm", "actions"), [(PPO, "continuous"), (SAC, "continuous"), (DQN, "discrete")])
+@pytest.mark.parametrize(("algorithm", "actions"), [(PPO, "continuous"), (SAC, "continuous"), (DQN, "discrete"), (PPO, "few")])
 def test_rows_of_satellites_have_the_scores_of_the_model(algorithm, actions, tmp_path):
     envs = rows(actions=actions)
     model = make(algorithm, envs)
     sparring.export_onnx(model, tmp_path / "policy.onnx")
     compare(model, tmp_path / "policy.onnx", KESSLER, actions=actions)
+
+
+@needs_server
+def test_extended_state_has_the_scores_of_the_model(tmp_path):
+    settings = {"observation": "extended_state", "actions": "few"}
+    model = make(PPO, rows("docking/single", **settings))
+    sparring.export_onnx(model, tmp_path / "policy.onnx")
+    compare(model, tmp_path / "policy.onnx", DOCKING, **settings)
 
 
 @needs_server

@@ -193,15 +193,18 @@ def test_trained_model_is_equal_after_it_was_loaded(file, full_load, tmp_path):
 
 
 def test_experiment_policy_is_equal(file):
-    envs = sparring.make_vec("kessler/rendezvous", 4, threats=5, look_ahead=9, axes="world", level=5)
-    policy = ppo.Policy(16 + 7 * 5, 2, ppo.Config())
+    envs = sparring.make_vec("kessler/rendezvous", 4, threats=5, look_ahead=9, actions="few", level=5)
+    policy = ppo.Policy(16 + 7 * 5, 5, ppo.Config(hold_logit=0.0))
     strengthen(policy)
     observations, _ = envs.reset(seed=1)
     sparring.export_onnx(policy, file, envs=envs)
     output = run(file, observations.reshape(-1, 51))
-    assert np.abs(output - policy.act(observations).clip(-1, 1).reshape(-1, 2)).max() <= 2 * TOLERANCE
+    with torch.no_grad():
+        logits = policy.actor(torch.from_numpy(observations)).reshape(-1, 5).numpy()
+    assert np.abs(output - logits).max() <= 2 * TOLERANCE * max(1.0, np.abs(logits).max())
+    assert (output.argmax(1) == policy.act(observations).reshape(-1)).all()
     described = metadata(file)
-    assert (described["threats"], described["look_ahead"], described["axes"]) == ("5", "9", "world")
+    assert (described["threats"], described["look_ahead"], described["actions"]) == ("5", "9", "few")
     assert described["tasks"] == "kessler/rendezvous"
 
 

@@ -121,5 +121,5 @@ def test_ppo_reports_its_metrics(curriculum, report_metrics):
     if not report_metrics:
         assert metrics == {}
         return
-    assert {"policy_loss", "value_loss", "std", "return", "level", "steps_per_s"} <= metrics.keys()
+    assert {"policy_loss", "value_loss", "hold", "return", "level", "steps_per_s"} <= metrics.keys()
     assert max(metrics["policy_loss"]) == 600
