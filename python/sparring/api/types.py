@@ -2358,7 +2358,7 @@ class Strategy(TypedDict):
     settings: list[StrategySetting]
     """Settings of the strategy: `strategy_settings` of a run."""
     supports_columns: bool
-    """True if its episodes can be leased as columns; false if it repeats single scenarios."""
+    """True if its episodes can be leased as columns; false if it repeats single scenarios, or reacts to every group."""
 
 
 class StrategyList(TypedDict):

@@ -259,7 +259,7 @@ class Rollout:
 
 
 def learn(policy: Policy, optimizer: torch.optim.Optimizer, rollout: Rollout, config: Config) -> dict[str, float]:
-    """Runs all epochs on a rollout; returns metrics of the last minibatch."""
+    """Runs all epochs on a rollout; returns metrics of the last minibatch, none if there is nothing to learn from."""
     advantages = rollout.advantages(config.gamma, config.gae_lambda)
     active = torch.from_numpy(rollout.active.reshape(-1)).nonzero().squeeze(-1)
 
@@ -267,12 +267,14 @@ def learn(policy: Policy, optimizer: torch.optim.Optimizer, rollout: Rollout, co
         flat = torch.from_numpy(array.reshape(rollout.active.size, *array.shape[3:]))
         return flat if len(active) == rollout.active.size else flat[active]
 
+    # A spread needs two rows. There may be none: some strategies only measure for a while.
+    if len(active) < 2:
+        return {}
     observations, actions = rows(rollout.observations[:-1]), rows(rollout.actions).unsqueeze(-1)
     old_log_probs, row_advantages = rows(rollout.log_probs), rows(advantages)
     targets = row_advantages + rows(rollout.values[:-1])
     row_advantages = (row_advantages - row_advantages.mean()) / (row_advantages.std() + 1e-6)
     parameters = list(policy.parameters())
-    metrics: dict[str, float] = {}
     for _ in range(config.epochs):
         for batch in torch.randperm(len(observations)).chunk(max(1, len(observations) // config.minibatch)):
             batch_rows, advantage = observations[batch], row_advantages[batch]
@@ -289,8 +291,7 @@ def learn(policy: Policy, optimizer: torch.optim.Optimizer, rollout: Rollout, co
             optimizer.step()
     with torch.no_grad():
         hold = log_probs[:, 0].exp().mean()
-    metrics = {"policy_loss": loss.item(), "value_loss": value_loss.item(), "hold": hold.item()}
-    return metrics
+    return {"policy_loss": loss.item(), "value_loss": value_loss.item(), "hold": hold.item()}
 
 
 def make_envs(config: Config, curriculum: sparring.Curriculum | None) -> sparring.VectorEnvironment:

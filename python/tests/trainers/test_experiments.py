@@ -93,6 +93,23 @@ def test_repeated_actions_collect_rewards_until_an_episode_ends():
     replayed.close()
 
 
+def test_rollout_without_rows_leaves_the_policy_as_it_is():
+    config = ppo.Config(task="kessler/survival", num_envs=2, rollout=4)
+    envs = ppo.make_envs(config, None)
+    rollout = ppo.Rollout(envs, config)
+    policy = ppo.Policy(rollout.observations.shape[-1], 5, config)
+    before = [parameter.clone() for parameter in policy.parameters()]
+    optimizer = torch.optim.Adam(policy.parameters())
+    for learned in (0, 1):
+        rollout.active.reshape(-1)[:learned] = True
+        assert ppo.learn(policy, optimizer, rollout, config) == {}
+    assert all((old == new).all() for old, new in zip(before, policy.parameters(), strict=True))
+    rollout.active[:] = True
+    assert {"policy_loss", "value_loss", "hold"} == ppo.learn(policy, optimizer, rollout, config).keys()
+    assert all(parameter.isfinite().all() for parameter in policy.parameters())
+    envs.close()
+
+
 def test_tuned_settings_belong_to_the_task():
     assert ppo.Config.tuned("docking/multiagent").decision_steps == 5
     assert ppo.Config.tuned("kessler/rendezvous", seed=4) == ppo.Config(task="kessler/rendezvous", reward_weight=4.0, seed=4)
