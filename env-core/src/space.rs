@@ -58,7 +58,7 @@ impl ParamSpec {
 }
 
 /// Param that makes the start of an episode easier, in tasks that have start rungs. Tasks describe its effect.
-pub(crate) const START_SCALE: ParamSpec = ParamSpec {
+pub const START_SCALE: ParamSpec = ParamSpec {
     name: "start_scale",
     unit: "",
     min: 0.01,

@@ -3,13 +3,11 @@
 //! A task with start rungs has those: each is a value of the param `start_scale`, and the level is drawn uniformly. Any other
 //! task has its levels.
 
+use env_core::space::START_SCALE;
 use env_core::{KeyedRng, TaskSpec};
 
 use super::proposal::{Proposal, ProposalRole};
 use super::settings::TaskPlan;
-
-/// Name of the param that start rungs set.
-const START_SCALE: &str = "start_scale";
 
 /// Rungs of a task under a plan, counted from 0, the easiest.
 #[derive(Clone, Copy)]
@@ -24,8 +22,8 @@ impl<'a> RungScale<'a> {
     pub(crate) fn new(plan: &'a TaskPlan) -> Self {
         let task = env_core::task(&plan.task);
         // A plan that scales starts by itself leaves nothing to the rungs.
-        let has_own_scale = plan.levels.columns().iter().any(|column| column == START_SCALE)
-            || plan.default_params.iter().any(|(name, value)| name == START_SCALE && *value != 1.0);
+        let has_own_scale = plan.levels.columns().iter().any(|column| column == START_SCALE.name)
+            || plan.default_params.iter().any(|(name, value)| name == START_SCALE.name && *value != 1.0);
         let starts = task.map_or(&[][..], TaskSpec::start_rungs);
         Self { plan, task, starts: if has_own_scale { &[] } else { starts } }
     }
@@ -77,9 +75,9 @@ impl<'a> RungScale<'a> {
         let scale = self.starts.get(rung as usize).copied().unwrap_or(1.0);
         proposal.start_rung = Some(rung);
         proposal.level = Some(level).filter(|_| scale >= 1.0);
-        match proposal.params.iter_mut().find(|(name, _)| name == START_SCALE) {
+        match proposal.params.iter_mut().find(|(name, _)| name == START_SCALE.name) {
             Some((_, value)) => *value = scale,
-            None => proposal.params.push((START_SCALE.to_owned(), scale)),
+            None => proposal.params.push((START_SCALE.name.to_owned(), scale)),
         }
         proposal
     }
@@ -89,6 +87,6 @@ impl Proposal {
     /// True if the start is as hard as the task has it. Only such scenarios can show mastery of their level.
     #[must_use]
     pub fn has_full_start(&self) -> bool {
-        self.params.iter().all(|(name, value)| name != START_SCALE || *value >= 1.0)
+        self.params.iter().all(|(name, value)| name != START_SCALE.name || *value >= 1.0)
     }
 }

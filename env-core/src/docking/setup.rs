@@ -8,6 +8,7 @@ use super::constants::{
 use super::relative_motion::{RelativeState, distance, separation, speed_limit};
 use crate::episode_rng::{EpisodeRng, RngStream};
 use crate::error::ScenarioError;
+use crate::space::START_SCALE;
 use crate::task::{Layout, LayoutMode, Recipe};
 use crate::text::{MAX_QUOTED_CHARS, shorten};
 
@@ -66,7 +67,7 @@ impl DockingSetup {
             deputies: (param("deputies", 1.0) as usize).clamp(1, MAX_DEPUTIES),
             start_radius: param("start_radius", 150.0),
             speed_ratio: param("speed_ratio", 0.8),
-            start_scale: param("start_scale", 1.0),
+            start_scale: param(START_SCALE.name, START_SCALE.default),
             time_limit,
             recipe_time_limit: time_limit,
             thrust_bound: param("thrust_bound", 1.0),

@@ -11,6 +11,7 @@ use super::constants::{RADAR_NONE, SATELLITES};
 use super::kernel::{Body, Gravity};
 use super::reward::Objective;
 use crate::error::ScenarioError;
+use crate::space::START_SCALE;
 use crate::task::Recipe;
 
 /// Contact model of an episode: the effect of debris on satellites.
@@ -115,7 +116,7 @@ impl KesslerSetup {
                 _ => WarningMode::None,
             },
             sigma: param("sigma"),
-            start_scale: recipe.param("start_scale").unwrap_or(1.0),
+            start_scale: recipe.param(START_SCALE.name).unwrap_or(START_SCALE.default),
             layout_satellites: None,
             layout_debris: Vec::new(),
             layout_rogues: Vec::new(),
