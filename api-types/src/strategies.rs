@@ -19,7 +19,7 @@ pub struct Strategy {
     pub name: String,
     /// Description in a few words.
     pub description: String,
-    /// True if its episodes can be leased as columns; false if it repeats single scenarios.
+    /// True if its episodes can be leased as columns; false if it repeats single scenarios, or reacts to every group.
     pub supports_columns: bool,
     /// Settings of the strategy: `strategy_settings` of a run.
     pub settings: Vec<StrategySetting>,

@@ -9,7 +9,7 @@ use super::hyperparameters::{adr, alp_gmm, bandit, controller, learnability, rep
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StrategyKind {
-    /// Takes for each task the sampler that trained it best.
+    /// Takes for each task the sampler that a table names.
     Auto,
     /// Climbs the rungs of each task by many chains, up after a success and down after a failure (Levitt 1971).
     Staircase,
@@ -79,7 +79,7 @@ impl StrategyKind {
     #[must_use]
     pub const fn description(self) -> &'static str {
         match self {
-            Self::Auto => "takes for each task the sampler that trained it best",
+            Self::Auto => "takes for each task the sampler that a table names",
             Self::Staircase => "climbs rungs by many chains, up after a success and down after a failure",
             Self::Controller => "follows a success rate of one half with one position on the rungs",
             Self::Bandit => "draws rungs by p(1 − p) of their success rate",

@@ -1,4 +1,4 @@
-//! Choice of a sampler for each task, by a table of measurements. The strategy `auto`.
+//! Choice of a sampler for each task, by a table of trials. The strategy `auto`.
 
 use env_core::KeyedRng;
 use serde::{Deserialize, Serialize};
@@ -21,37 +21,27 @@ struct TaskChoice {
     reason: &'static str,
 }
 
-/// Choices by measurement. `docs/reference/strategies-measured.md` has the numbers.
-const CHOICES: [TaskChoice; 6] = [
+/// Choices by short trials of one to five trainings each, which show a direction and prove nothing.
+const CHOICES: [TaskChoice; 4] = [
     TaskChoice {
         task: "docking/single",
         sampler: SamplerName::Staircase,
-        reason: "it needs less than half the steps of uniform levels",
-    },
-    TaskChoice {
-        task: "docking/multiagent",
-        sampler: SamplerName::Staircase,
-        reason: "it needs less than half the steps of uniform levels",
+        reason: "it needed fewer steps than uniform levels in short trials",
     },
     TaskChoice {
         task: "kessler/survival",
         sampler: SamplerName::Staircase,
-        reason: "contested scenarios at the agent's own level teach it faster than uniform levels",
+        reason: "it needed fewer steps than uniform levels in short trials",
     },
     TaskChoice {
         task: "kessler/rendezvous",
         sampler: SamplerName::Staircase,
-        reason: "starts near the target teach it faster than uniform levels",
+        reason: "starts near the target needed fewer steps than uniform levels in short trials",
     },
     TaskChoice {
         task: "kessler/eco_station",
         sampler: SamplerName::Uniform,
-        reason: "no sampler was better than uniform levels",
-    },
-    TaskChoice {
-        task: "kessler/formation",
-        sampler: SamplerName::Uniform,
-        reason: "no sampler was better than uniform levels",
+        reason: "no sampler was better than uniform levels in short trials",
     },
 ];
 
@@ -71,16 +61,15 @@ fn choose_sampler(plan: &TaskPlan) -> (SamplerName, &'static str) {
     match CHOICES.iter().find(|choice| choice.task == plan.task) {
         Some(choice) => (choice.sampler, choice.reason),
         None if rungs.are_starts() => {
-            (SamplerName::Staircase, "the task was not measured, and it has start rungs")
+            (SamplerName::Staircase, "the task was not tried, and it has start rungs")
         }
-        None => (SamplerName::Uniform, "the task was not measured, and it has no start rungs"),
+        None => (SamplerName::Uniform, "the task was not tried, and it has no start rungs"),
     }
 }
 
 impl Sampler for Choice {
     const VERSION: u32 = 1;
-    const SUMMARY: &'static str =
-        "Each task has the sampler that trained it best when samplers were compared.";
+    const SUMMARY: &'static str = "Each task has the sampler that a table names for it.";
 
     fn new(plan: &TaskPlan) -> Self {
         match choose_sampler(plan).0 {

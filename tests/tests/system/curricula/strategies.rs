@@ -193,3 +193,29 @@ async fn replayed_scenarios_outlive_retention() {
     })
     .await;
 }
+
+/// Starts near the goal show no mastery of a level, whatever their results, and their chains go on after a restart.
+#[tokio::test(flavor = "multi_thread")]
+async fn scaled_starts_are_no_evidence() {
+    let (mut server, uninterrupted) = (Server::start().await, Server::start().await);
+    let mut leased = Vec::new();
+    for api in [server.api(), uninterrupted.api()] {
+        let request = json!({"id": "near", "seed": 5, "strategy": "staircase", "strategy_settings": {"coverage": 0},
+                             "tasks": ["docking/single"], "design": {"designer": "off"}});
+        let _ = api.post("/v1/runs", request).await.expect(201);
+        leased = train(&api, "near", 6).await;
+    }
+    for (group, recipe) in &leased {
+        assert_eq!((&group["role"], &group["level"]), (&json!("rung"), &Value::Null), "{group}");
+        assert!(recipe["params"]["start_scale"].as_f64().unwrap() < 1.0, "{recipe}");
+    }
+    server.restart().await;
+    let after = [train(&server.api(), "near", 4).await, train(&uninterrupted.api(), "near", 4).await];
+    assert_eq!(after[0], after[1], "a restart does not change the proposals");
+    let mastery = server.api().get("/v1/runs/near/mastery").await.expect(200);
+    let task = &mastery["tasks"][0];
+    assert!(task["results"]["successes"].as_u64().unwrap() > 20, "{task}");
+    assert_eq!(task["levels"], json!([]), "no slot was opened");
+    assert_eq!(task["status"]["top_rung"], 15);
+    assert!(task["status"]["rung_quartiles"].is_array(), "{task}");
+}

@@ -6,7 +6,7 @@ pub(crate) const CHAINS: Hyperparameter = Hyperparameter {
     name: "chains",
     range: ValueRange::Whole { default: 32, min: 1, max: 1024 },
     description: "number of chains that climb the rungs of a task",
-    source: "measured: one chain for four environments learns as one for each",
+    source: "own choice: about one chain for four environments",
 };
 pub(crate) const STEP: Hyperparameter = Hyperparameter {
     name: "step",
