@@ -29,7 +29,7 @@ use self::fixed::Fixed;
 use self::ladder::Ladder;
 use self::learnability::Learnability;
 use self::replay::Replay;
-use self::samplers::{Bandit, Choice, Controller, Sampled, Staircase};
+use self::samplers::{Auto, Bandit, Controller, Sampled, Staircase};
 use self::uniform::Uniform;
 use crate::core::settings::{Settings, StrategyKind};
 use crate::core::snapshot::RestoreError;
@@ -38,7 +38,7 @@ use crate::core::strategy::{Strategy, StrategyState};
 /// Creates the strategy of these settings, before its first event.
 pub(crate) fn create(settings: &Settings) -> Box<dyn Strategy> {
     match settings.strategy {
-        StrategyKind::Auto => Box::new(Sampled::<Choice>::new(settings)),
+        StrategyKind::Auto => Box::new(Sampled::<Auto>::new(settings)),
         StrategyKind::Staircase => Box::new(Sampled::<Staircase>::new(settings)),
         StrategyKind::Controller => Box::new(Sampled::<Controller>::new(settings)),
         StrategyKind::Bandit => Box::new(Sampled::<Bandit>::new(settings)),
@@ -63,7 +63,7 @@ pub(crate) fn restore(
     state: &Value,
 ) -> Result<Box<dyn Strategy>, RestoreError> {
     match settings.strategy {
-        StrategyKind::Auto => restore_as::<Sampled<Choice>>(settings, version, state),
+        StrategyKind::Auto => restore_as::<Sampled<Auto>>(settings, version, state),
         StrategyKind::Staircase => restore_as::<Sampled<Staircase>>(settings, version, state),
         StrategyKind::Controller => restore_as::<Sampled<Controller>>(settings, version, state),
         StrategyKind::Bandit => restore_as::<Sampled<Bandit>>(settings, version, state),

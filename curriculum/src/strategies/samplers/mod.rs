@@ -6,11 +6,11 @@
 //! - `staircase`: many chains, each one step up after a success and one down after a failure.
 //! - `controller`: one position for a task, moved towards a success rate of one half.
 //! - `bandit`: rungs weighted by p(1 − p) of their success rate p.
-//! - `choice`: the sampler that a table names for the task.
+//! - `auto`: the sampler that a table names for the task.
 //! - `coverage`: the share of steps that is drawn from all rungs.
 
+mod auto;
 mod bandit;
-mod choice;
 mod controller;
 mod coverage;
 mod episode_length;
@@ -24,8 +24,8 @@ use env_core::KeyedRng;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+pub(super) use self::auto::Auto;
 pub(super) use self::bandit::Bandit;
-pub(super) use self::choice::Choice;
 pub(super) use self::controller::Controller;
 use self::coverage::Coverage;
 pub(super) use self::staircase::Staircase;

@@ -196,7 +196,7 @@ fn own_start_scales_replace_the_start_rungs() {
 }
 
 #[test]
-fn choice_names_the_reason_for_each_task() {
+fn auto_names_the_reason_for_each_task() {
     for task in env_core::tasks() {
         let curriculum = Curriculum::new(1, settings(StrategyKind::Auto, task.id())).unwrap();
         let state = curriculum.explain().tasks[0].current_state.clone();

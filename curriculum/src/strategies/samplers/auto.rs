@@ -1,4 +1,4 @@
-//! Choice of a sampler for each task, by a table of trials. The strategy `auto`.
+//! Strategy `auto`: the sampler of each task that a table of trials names.
 
 use env_core::KeyedRng;
 use serde::{Deserialize, Serialize};
@@ -14,7 +14,7 @@ enum SamplerName {
     Uniform,
 }
 
-/// Choice for a task, with its reason as the end of a sentence.
+/// Sampler of a task, with its reason as the end of a sentence.
 struct TaskChoice {
     task: &'static str,
     sampler: SamplerName,
@@ -48,7 +48,7 @@ const CHOICES: [TaskChoice; 4] = [
 /// Sampler of a task, as it was chosen when the task began.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub(in crate::strategies) enum Choice {
+pub(in crate::strategies) enum Auto {
     /// Chains that climb the rungs.
     Staircase(Staircase),
     /// Levels are drawn uniformly, at full starts.
@@ -67,7 +67,7 @@ fn choose_sampler(plan: &TaskPlan) -> (SamplerName, &'static str) {
     }
 }
 
-impl Sampler for Choice {
+impl Sampler for Auto {
     const VERSION: u32 = 1;
     const SUMMARY: &'static str = "Each task has the sampler that a table names for it.";
 
