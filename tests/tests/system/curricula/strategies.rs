@@ -211,7 +211,9 @@ async fn scaled_starts_are_no_evidence() {
     }
     server.restart().await;
     let after = [train(&server.api(), "near", 4).await, train(&uninterrupted.api(), "near", 4).await];
-    assert_eq!(after[0], after[1], "a restart does not change the proposals");
+    let scenarios =
+        after.map(|leased| leased.into_iter().map(|(group, _)| text(&group["scenario"])).collect::<Vec<_>>());
+    assert_eq!(scenarios[0], scenarios[1], "a restart does not change the proposals");
     let mastery = server.api().get("/v1/runs/near/mastery").await.expect(200);
     let task = &mastery["tasks"][0];
     assert!(task["results"]["successes"].as_u64().unwrap() > 20, "{task}");
