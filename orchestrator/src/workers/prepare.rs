@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::panic::AssertUnwindSafe;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use env_core::SeedSpace;
 use sqlx::{SqliteConnection, SqlitePool};
@@ -25,9 +25,13 @@ use crate::runs::settings::RunSettings;
 use crate::workers::round_error::ends_worker;
 use curriculum::Proposal;
 
-/// Maximum number of proposals that are prepared concurrently, of all runs together. It exceeds the number of cores: a scenario that
-/// takes seconds must not delay those that take milliseconds, and the operating system shares the cores among them.
+/// Maximum number of jobs that run concurrently, of all runs together. It exceeds the number of cores: a scenario that takes seconds
+/// must not delay those that take milliseconds, and the operating system shares the cores among them.
 pub(super) const MAX_JOBS: usize = 16;
+/// Maximum number of proposals of a job. Most scenarios take far less time than to store one, so several are stored together.
+const MAX_PROPOSALS_OF_JOB: usize = 8;
+/// Time after which a job begins no further proposal, so that those behind a slow one are not delayed by it.
+const MAX_JOB_TIME: Duration = Duration::from_millis(10);
 /// Number of waiting proposals that are considered for a start.
 const PROPOSALS_PER_QUERY: i64 = 128;
 /// Pause after an error, and maximum wait for a signal, in case one was missed.
@@ -51,46 +55,80 @@ pub(super) struct PrepareWorker {
 }
 
 /// Result of preparing a proposal.
-struct JobResult {
-    proposal: ProposalKey,
-    /// The scenario; `None` if the proposal has none.
-    scenario: Option<PreparedScenario>,
+enum Prepared {
+    Scenario(Box<PreparedScenario>),
+    /// The proposal has no scenario.
+    Failed,
+    /// The job ended before it; another one prepares it.
+    Untried,
 }
+
+/// Proposals of a job, with their results.
+type JobResults = Vec<(ProposalKey, Prepared)>;
 
 /// Proposals that are being prepared.
 #[derive(Default)]
 struct ActiveJobs {
-    /// A job without a result was lost: its thread panicked, or the pool is gone.
-    jobs: JoinSet<Option<JobResult>>,
-    /// Sequence numbers of the proposals by run, until their results are stored.
-    by_run: BTreeMap<String, BTreeSet<i64>>,
+    /// A job without results was lost: its thread panicked, or the pool is gone.
+    jobs: JoinSet<Option<JobResults>>,
+    by_run: BTreeMap<String, ActiveJobsOfRun>,
+}
+
+/// Proposals of a run that are being prepared.
+#[derive(Default)]
+struct ActiveJobsOfRun {
+    /// Number of jobs whose results are not stored.
+    jobs: usize,
+    /// Sequence numbers of their proposals.
+    seqs: BTreeSet<i64>,
 }
 
 impl ActiveJobs {
-    /// Returns true if a proposal may start now, where a run may have `max_of_run` active ones.
-    fn may_start(&self, waiting: &UnpreparedProposal, max_of_run: usize) -> bool {
-        let active = self.by_run.get(&waiting.run);
-        self.jobs.len() < MAX_JOBS
-            && active.is_none_or(|active| active.len() < max_of_run && !active.contains(&waiting.seq))
+    /// Returns the proposals of each new job. A run has no more than an equal share of the jobs, computed for one run more than
+    /// there are: a new run then finds free jobs, however long the others take. Its proposals are shared among its jobs.
+    fn plan(&self, waiting: Vec<UnpreparedProposal>) -> Vec<Vec<UnpreparedProposal>> {
+        let mut by_run: BTreeMap<String, Vec<UnpreparedProposal>> = BTreeMap::new();
+        for proposal in waiting {
+            let active = self.by_run.get(&proposal.run);
+            if active.is_none_or(|active| !active.seqs.contains(&proposal.seq)) {
+                by_run.entry(proposal.run.clone()).or_default().push(proposal);
+            }
+        }
+        let runs: BTreeSet<&String> = self.by_run.keys().chain(by_run.keys()).collect();
+        let share = (MAX_JOBS / (runs.len() + 1)).max(1);
+        let mut planned = Vec::new();
+        for (run, mut proposals) in by_run {
+            let active = self.by_run.get(&run).map_or(0, |active| active.jobs);
+            let size = proposals.len().div_ceil(share).clamp(1, MAX_PROPOSALS_OF_JOB);
+            for _ in active..share {
+                if proposals.is_empty() || self.jobs.len() + planned.len() >= MAX_JOBS {
+                    break;
+                }
+                let rest = proposals.split_off(size.min(proposals.len()));
+                planned.push(std::mem::replace(&mut proposals, rest));
+            }
+        }
+        planned
     }
 
-    /// Returns the maximum number of active proposals of a run: an equal share, computed for one run more than there are. A new run
-    /// then finds free jobs, however long the others take.
-    fn max_of_run(&self, waiting: &[UnpreparedProposal]) -> usize {
-        let runs: BTreeSet<&String> =
-            self.by_run.keys().chain(waiting.iter().map(|waiting| &waiting.run)).collect();
-        (MAX_JOBS / (runs.len() + 1)).max(1)
+    /// Adds the proposals of a job.
+    fn insert(&mut self, job: &[UnpreparedProposal]) {
+        let Some(first) = job.first() else { return };
+        let active = self.by_run.entry(first.run.clone()).or_default();
+        active.jobs += 1;
+        active.seqs.extend(job.iter().map(|proposal| proposal.seq));
     }
 
-    fn insert(&mut self, waiting: &UnpreparedProposal) {
-        self.by_run.entry(waiting.run.clone()).or_default().insert(waiting.seq);
-    }
-
-    fn remove(&mut self, proposal: &ProposalKey) {
-        if let Some(active) = self.by_run.get_mut(&proposal.run) {
-            active.remove(&proposal.seq);
-            if active.is_empty() {
-                self.by_run.remove(&proposal.run);
+    /// Removes the proposals of a job.
+    fn remove(&mut self, job: &[ProposalKey]) {
+        let Some(first) = job.first() else { return };
+        if let Some(active) = self.by_run.get_mut(&first.run) {
+            active.jobs = active.jobs.saturating_sub(1);
+            job.iter().for_each(|proposal| {
+                active.seqs.remove(&proposal.seq);
+            });
+            if active.seqs.is_empty() {
+                self.by_run.remove(&first.run);
             }
         }
     }
@@ -121,17 +159,21 @@ impl PrepareWorker {
         let ended: Vec<_> = first.into_iter().chain(others).collect();
         let mut change = StorePrepared::default();
         let mut done = Vec::new();
-        for result in ended {
-            match result {
-                Ok(Some(JobResult { proposal, scenario })) => {
-                    done.push(proposal.clone());
-                    match scenario {
-                        Some(scenario) => change.prepared.push(ScenarioOfProposal { proposal, scenario }),
-                        None => change.failed.push(proposal),
+        for results in ended {
+            let Ok(Some(results)) = results else {
+                // The proposals of a lost job are unknown, so all may start again. A scenario that is prepared twice is stored once.
+                active.by_run.clear();
+                continue;
+            };
+            done.push(results.iter().map(|(proposal, _)| proposal.clone()).collect::<Vec<_>>());
+            for (proposal, result) in results {
+                match result {
+                    Prepared::Scenario(scenario) => {
+                        change.prepared.push(ScenarioOfProposal { proposal, scenario: *scenario });
                     }
+                    Prepared::Failed => change.failed.push(proposal),
+                    Prepared::Untried => {}
                 }
-                // The proposal of a lost job is unknown, so all may start again. A scenario that is prepared twice is stored once.
-                Ok(None) | Err(_) => active.by_run.clear(),
             }
         }
         if done.is_empty() {
@@ -141,7 +183,7 @@ impl PrepareWorker {
         let started = self.start_jobs(active).await;
         let stored = self.writer.change(change).await;
         // A result that could not be stored is prepared again.
-        done.iter().for_each(|proposal| active.remove(proposal));
+        done.iter().for_each(|job| active.remove(job));
         stored?;
         self.ready.send_modify(|count| *count += 1);
         started
@@ -154,28 +196,19 @@ impl PrepareWorker {
         }
         let mut conn = self.readers.acquire().await?;
         let waiting = proposals::unprepared(&mut conn, PROPOSALS_PER_QUERY).await?;
-        let max_of_run = active.max_of_run(&waiting);
-        for waiting in waiting {
-            if !active.may_start(&waiting, max_of_run) {
-                continue;
+        for planned in active.plan(waiting) {
+            active.insert(&planned);
+            let mut job = PrepareJob::default();
+            for waiting in planned {
+                job.load(&mut conn, waiting).await;
             }
-            active.insert(&waiting);
-            let job = PrepareJob::load(&mut conn, &waiting).await.inspect_err(|error| {
-                let (run, seq) = (&waiting.run, waiting.seq);
-                tracing::warn!(run, seq, error = %error, "A proposal cannot be read and is dropped.");
-            });
-            let Ok(job) = job else {
-                let proposal = ProposalKey { run: waiting.run, seq: waiting.seq };
-                active.jobs.spawn(async move { Some(JobResult { proposal, scenario: None }) });
-                continue;
-            };
             let (sender, receiver) = oneshot::channel();
             let unsolvable = Arc::clone(&self.unsolvable);
             self.pool.spawn(move || {
                 // The receiver is gone if the service stops; then the search ends.
                 let is_wanted = || !sender.is_closed();
-                let result = job.run(DrawContext { unsolvable: &unsolvable, is_wanted: &is_wanted });
-                let _ = sender.send(result);
+                let results = job.run(DrawContext { unsolvable: &unsolvable, is_wanted: &is_wanted });
+                let _ = sender.send(results);
             });
             active.jobs.spawn(async { receiver.await.ok() });
         }
@@ -183,8 +216,16 @@ impl PrepareWorker {
     }
 }
 
-/// A proposal with everything that its preparation needs.
+/// Proposals of a run, in order.
+#[derive(Default)]
 struct PrepareJob {
+    loaded: Vec<LoadedProposal>,
+    /// Proposals that cannot be read.
+    failed: Vec<ProposalKey>,
+}
+
+/// A proposal with everything that its preparation needs.
+struct LoadedProposal {
     key: ProposalKey,
     run_seed: u64,
     proposal: Proposal,
@@ -193,6 +234,36 @@ struct PrepareJob {
 }
 
 impl PrepareJob {
+    /// Adds a proposal.
+    async fn load(&mut self, conn: &mut SqliteConnection, waiting: UnpreparedProposal) {
+        match LoadedProposal::load(conn, &waiting).await {
+            Ok(loaded) => self.loaded.push(loaded),
+            Err(error) => {
+                let UnpreparedProposal { run, seq, .. } = waiting;
+                tracing::warn!(run, seq, error = %error, "A proposal cannot be read and is dropped.");
+                self.failed.push(ProposalKey { run, seq });
+            }
+        }
+    }
+
+    /// Prepares the proposals until the time is up; the first one is always tried.
+    fn run(self, context: DrawContext<'_>) -> JobResults {
+        let _busy = metrics::BusyGuard::new("prepare");
+        let started = Instant::now();
+        let mut results: JobResults =
+            self.failed.into_iter().map(|proposal| (proposal, Prepared::Failed)).collect();
+        for (number, loaded) in self.loaded.into_iter().enumerate() {
+            results.push(if number == 0 || started.elapsed() < MAX_JOB_TIME {
+                loaded.prepare(context)
+            } else {
+                (loaded.key, Prepared::Untried)
+            });
+        }
+        results
+    }
+}
+
+impl LoadedProposal {
     async fn load(conn: &mut SqliteConnection, waiting: &UnpreparedProposal) -> Result<Self, ServiceError> {
         let proposal: Proposal = from_json("a proposal", &waiting.body)?;
         let parent = match proposal.source.parent_proposal() {
@@ -204,26 +275,25 @@ impl PrepareJob {
     }
 
     /// Prepares the proposal. A panic fails this proposal, and no other.
-    fn run(self, context: DrawContext<'_>) -> JobResult {
-        let _busy = metrics::BusyGuard::new("prepare");
+    fn prepare(self, context: DrawContext<'_>) -> (ProposalKey, Prepared) {
         let Self { key: ProposalKey { run, seq }, run_seed, proposal, parent } = self;
         let seeds = SeedSource { space: SeedSpace::Training, run_seed, seq: to_u64(seq) };
         let prepared = std::panic::catch_unwind(AssertUnwindSafe(|| {
             prepare(seeds, &proposal, parent.as_ref(), context)
         }));
-        let scenario = match prepared {
-            Ok(Ok(scenario)) => Some(scenario),
-            Ok(Err(PrepareError::Abandoned)) => None,
+        let result = match prepared {
+            Ok(Ok(scenario)) => Prepared::Scenario(Box::new(scenario)),
+            Ok(Err(PrepareError::Abandoned)) => Prepared::Failed,
             Ok(Err(error)) => {
                 tracing::warn!(run, seq, error = %error, "A proposal cannot be prepared and is dropped.");
-                None
+                Prepared::Failed
             }
             Err(_) => {
                 tracing::error!(run, seq, "Preparing a proposal panicked; it is dropped.");
-                None
+                Prepared::Failed
             }
         };
-        JobResult { proposal: ProposalKey { run, seq }, scenario }
+        (ProposalKey { run, seq }, result)
     }
 }
 
