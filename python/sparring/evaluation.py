@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 
 from .curriculum import MAX_GROUP_EPISODES, Curriculum, CurriculumError
 from .errors import invalid
@@ -78,8 +77,7 @@ def evaluate(
         training: Name that all trainings with the same settings share, to pool their evaluations.
         training_seed: Seed of this training.
         num_envs: Number of environments.
-        decision_steps: Steps for which an action is repeated. Episodes that begin meanwhile act at once, and again at the next
-            decision.
+        decision_steps: Steps for which an action is repeated, or until its episode ends.
         progress: Called with the number of finished episodes and their total.
         environment: Arguments of `sparring.make_vec` for observations and actions.
 
@@ -100,7 +98,7 @@ def evaluate(
     settings |= {"run": curriculum.run, "policy": policy, "policy_version": curriculum.policy_version}
     evaluation = curriculum.request("POST", "/v1/evaluations", settings)
     try:
-        _run_evaluation(curriculum, evaluation, _RepeatedActions(act, decision_steps), num_envs, progress, environment)
+        _run_evaluation(curriculum, evaluation, act, decision_steps, num_envs, progress, environment)
     except BaseException:
         # The remaining episodes will not be run, and the server limits the number of open evaluations.
         with contextlib.suppress(CurriculumError):
@@ -138,7 +136,8 @@ def _choose_suite(curriculum: Curriculum, name: str | None, tasks: Sequence[str]
 def _run_evaluation(
     curriculum: Curriculum,
     evaluation: dict[str, Any],
-    act: _RepeatedActions,
+    act: Callable[[Any], Any],
+    decision_steps: int,
     num_envs: int,
     progress: Callable[[int, int], None] | None,
     environment: dict[str, Any],
@@ -148,48 +147,21 @@ def _run_evaluation(
     with curriculum.reopen(purpose="eval", evaluation=evaluation["id"], lease_groups=groups) as held_out:
         envs = make_vec(num_envs=min(num_envs, total), curriculum=held_out, **environment)
         try:
-            for finished in _run_episodes(envs, act):
+            for finished in _run_episodes(envs, act, decision_steps):
                 if progress is not None:
                     progress(finished, total)
         finally:
             envs.close()
 
 
-class _RepeatedActions:
-    """Actions of a policy, each repeated for some steps."""
-
-    def __init__(self, act: Callable[[Any], Any], steps: int) -> None:
-        self._act, self._steps, self._left = act, steps, 0
-        self._actions: Any = None
-
-    def next(self, observations: Any) -> Any:
-        """Returns the actions of all environments in the next step."""
-        if self._left == 0:
-            self._left = self._steps
-            self._actions = self._act(observations)
-        self._left -= 1
-        return self._actions
-
-    def begin(self, observations: Any, begun: Any) -> None:
-        """Chooses the actions of environments whose episode begins, until the next decision."""
-        if self._left:
-            actions = np.array(self._actions)
-            actions[begun] = np.asarray(self._act(observations))[begun]
-            self._actions = actions
-
-
-def _run_episodes(envs: VectorEnvironment, act: _RepeatedActions) -> Iterator[int]:
+def _run_episodes(envs: VectorEnvironment, act: Callable[[Any], Any], decision_steps: int) -> Iterator[int]:
     """Runs all episodes; yields the number of finished ones whenever it changes."""
     observations, _ = envs.reset()
-    finished, begun = 0, None
+    finished = 0
     while not envs.idle.all():
-        observations, _, _, _, infos = envs.step(act.next(observations))
-        # The step after an episode's end begins the next one.
-        if begun is not None:
-            act.begin(observations, begun)
-        begun = infos.get("_episode")
-        if begun is not None:
-            finished += int(begun.sum())
+        observations, _, _, _, infos = envs.step(act(observations), repeat=decision_steps)
+        if "_episode" in infos:
+            finished += int(infos["_episode"].sum())
             yield finished
 
 

@@ -139,11 +139,11 @@ class Settings:
         Raises:
             ValueError: A value is unknown or out of range; the message names the field.
         """
-        _check_count("num_envs", envs, 1)
+        check_count("num_envs", envs, 1)
         for name, value, minimum in (("threads", threads, 1), ("threats", self.threats, 0),
                                      ("look_ahead", self.look_ahead, 0), ("bodies", self.bodies, 0)):  # fmt: skip
             if value is not None:
-                _check_count(name, value, minimum)
+                check_count(name, value, minimum)
         mode = self.observation_mode()
         recipe = make_recipe(self.spec.id, params=self.params, physics=self.physics, layout=self.layout, level=self.level)
         return _native.NativeBatch(
@@ -174,7 +174,7 @@ class Settings:
         return np.zeros((native.num_agents, native.action_size), np.float32)
 
 
-def _check_count(name: str, value: Any, minimum: int) -> None:
+def check_count(name: str, value: Any, minimum: int) -> None:
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not minimum <= value < 2**31:
         raise invalid(name, f"an integer >= {minimum}", value)
 

@@ -16,7 +16,7 @@ from .errors import invalid, one_of
 from .rendering import FPS, Renderer
 from .reset_request import ResetRequest, read_reset_options
 from .scenario import Scenario, check_seed, copy_mapping
-from .settings import Actions, Axes, Observation, ObservationLayout, Settings, action_space, agent_action_space
+from .settings import Actions, Axes, Observation, ObservationLayout, Settings, action_space, agent_action_space, check_count
 from .vector_results import AgentResults, StepArrays, StepTimes
 
 #: Name of each autoreset mode in the compiled module.
@@ -145,7 +145,7 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
         return [read_reset_options(self._settings, {**options, "scenario": scenario}) for scenario in scenarios]
 
     def step(
-        self, actions: Any, out: StepArrays | None = None
+        self, actions: Any, out: StepArrays | None = None, repeat: int = 1
     ) -> tuple[Any, npt.NDArray[np.float64], npt.NDArray[np.bool_], npt.NDArray[np.bool_], dict[str, Any]]:
         """Runs one step of every environment.
 
@@ -153,6 +153,8 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
             actions: Envs × agents × values (float32 is used without conversion); discrete actions are
                 envs × agents.
             out: Arrays that are written and returned: one of `empty_observations()`, and arrays of float64, bool and bool.
+            repeat: Number of steps for which the actions are repeated. Rewards add up, and an environment whose episode ends
+                waits for the others, so that each episode begins with an action of its own.
 
         Returns:
             Observations, team rewards, terminations, truncations and infos. In worlds whose steps have different durations
@@ -167,7 +169,8 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
         """
         if out is not None and not (isinstance(out, tuple) and len(out) == 4):
             raise invalid("out", "four arrays in a tuple (observations, rewards, terminations, truncations)", type(out))
-        observations, rewards, terminations, truncations, any_ended = self._native.step(actions, out)
+        check_count("repeat", repeat, 1)
+        observations, rewards, terminations, truncations, any_ended = self._native.step(actions, out, repeat)
         infos = {**self._times_info(), **(self._final_infos() if any_ended else {})}
         return self._layout.view(observations), rewards, terminations, truncations, infos
 
@@ -230,6 +233,11 @@ class VectorEnvironment(VectorEnv[Any, Any, npt.NDArray[Any]]):
         """Returns the score so far of an environment's episode; None before the first reset."""
         episode = self._native.episode(self._check_env(env))
         return None if episode is None else episode[1]
+
+    @property
+    def total_steps(self) -> int:
+        """Steps of all environments since they were made; those that only began an episode do not count."""
+        return self._native.total_steps
 
     def columns(self) -> list[str]:
         """Returns the names of the values of an observation, in the order of the flat array."""
@@ -362,7 +370,9 @@ def make_vec(
     """
     mode = _read_autoreset_mode(autoreset_mode)
     if satellites is not None or environment:
-        return _make_satellite_vec(task, num_envs, satellites=satellites, autoreset_mode=mode, threads=threads, **environment)
+        from .tasking.vector import make_satellite_vec
+
+        return make_satellite_vec(task, num_envs, satellites=satellites, autoreset_mode=mode, threads=threads, **environment)
     settings = Settings(task, params, physics, layout, level, observation, threats, look_ahead, bodies, actions, axes, curriculum)
     return VectorEnvironment(
         settings,
@@ -373,20 +383,6 @@ def make_vec(
         render_mode=render_mode,
         render_size=render_size,
     )
-
-
-def _make_satellite_vec(task: str | None, num_envs: int, **arguments: Any) -> VectorEnv[Any, Any, Any]:
-    """Makes environments of satellites."""
-    if arguments["satellites"] is None:
-        unknown = next(name for name in arguments if name not in ("satellites", "autoreset_mode", "threads"))
-        raise TypeError(f"make_vec() got an unexpected keyword argument {unknown!r}")
-    if task is not None:
-        raise invalid("task", "None with `satellites`", task)
-    if not isinstance(num_envs, int) or num_envs < 1:
-        raise invalid("num_envs", "at least 1", num_envs)
-    from .tasking.vector import make_satellite_vec
-
-    return make_satellite_vec(num_envs, **arguments)
 
 
 def _read_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:

@@ -29,6 +29,8 @@ pub(crate) struct BatchState {
     pub(crate) ended: Vec<bool>,
     /// True for environments that had no episode in the last step.
     was_idle: Vec<bool>,
+    /// Number of steps of all environments; those that only began an episode do not count.
+    pub(crate) total_steps: u64,
     renderers: Vec<Option<Renderer>>,
 }
 
@@ -45,6 +47,59 @@ pub(crate) struct StepBuffers<'a> {
     pub(crate) rewards: &'a mut [f64],
     pub(crate) terminations: &'a mut [bool],
     pub(crate) truncations: &'a mut [bool],
+}
+
+/// A step whose actions are repeated, with the sums of its parts so far.
+pub(crate) struct RepeatedStep {
+    autoreset: Autoreset,
+    agents: usize,
+    /// True for environments that take part in the next repetition: none has ended or begun an episode.
+    running: Vec<bool>,
+    is_first: bool,
+    team_rewards: Vec<f64>,
+    rewards: Vec<f32>,
+    elapsed: Vec<f32>,
+}
+
+impl RepeatedStep {
+    /// Creates a step before its first part.
+    pub(crate) fn new(shape: BatchShape, autoreset: Autoreset) -> Self {
+        let BatchShape { envs, agents, .. } = shape;
+        Self {
+            autoreset,
+            agents,
+            running: vec![true; envs],
+            is_first: true,
+            team_rewards: vec![0.0; envs],
+            rewards: vec![0.0; envs * agents],
+            elapsed: vec![0.0; envs],
+        }
+    }
+
+    /// Environments of the next part; `None` if it steps all.
+    pub(crate) fn mask(&self) -> Option<&[bool]> {
+        (!self.is_first).then_some(&self.running)
+    }
+
+    /// Begins another part; false if no environment takes part in it.
+    pub(crate) fn next(&mut self) -> bool {
+        self.is_first = false;
+        self.running.iter().any(|running| *running)
+    }
+
+    fn is_stopped(&self, env: usize) -> bool {
+        !self.running[env]
+    }
+
+    /// Adds the rewards and the duration of a part; `stops` if the environment takes no part in the others.
+    fn add(&mut self, env: usize, buffers: &BatchBuffers, stops: bool) {
+        self.team_rewards[env] += f64::from(buffers.team_rewards[env]);
+        self.elapsed[env] += buffers.elapsed[env];
+        for agent in env * self.agents..(env + 1) * self.agents {
+            self.rewards[agent] += buffers.rewards[agent];
+        }
+        self.running[env] = !stops;
+    }
 }
 
 impl BatchState {
@@ -67,6 +122,7 @@ impl BatchState {
             started: vec![Instant::now(); envs],
             ended: vec![false; envs],
             was_idle: vec![false; envs],
+            total_steps: 0,
             renderers: Vec::new(),
             batch,
             assigner,
@@ -113,17 +169,17 @@ impl BatchState {
         }
     }
 
-    /// Steps all environments; returns true if any episode ended.
+    /// Steps the environments of the next part of a step into `out`; adds their rewards to the repeated step.
     ///
     /// # Errors
     /// Returns the batch's error for invalid actions or an environment that needs a reset; nothing changes then.
     pub(crate) fn step(
         &mut self,
         actions: &[f32],
+        repeated: &mut RepeatedStep,
         out: &mut StepBuffers<'_>,
         shape: BatchShape,
-        autoreset: Autoreset,
-    ) -> Result<bool, BatchError> {
+    ) -> Result<(), BatchError> {
         let buffers = &mut self.buffers;
         let output = BatchOutput {
             observations: &mut *out.observations,
@@ -137,30 +193,41 @@ impl BatchState {
             needs_action: &mut buffers.needs_action,
             executed_actions: &mut self.last_actions,
         };
-        self.batch.step(actions, output)?;
-        let mut any_ended = false;
-        let mut now = None;
+        self.batch.step_some(actions, repeated.mask(), output)?;
+        let now = Instant::now();
         for env in 0..shape.envs {
-            let (reward, done) = (f64::from(self.buffers.team_rewards[env]), self.buffers.done[env]);
+            if repeated.is_stopped(env) {
+                continue;
+            }
+            let done = self.buffers.done[env];
+            let mut begins = self.was_idle[env];
             if self.ended[env] || self.was_idle[env] {
                 // The last step ended an episode or ran none: statistics of a new episode start here.
-                self.started[env] = *now.get_or_insert_with(Instant::now);
+                self.started[env] = now;
                 // A step that only begins an episode does not count as a step of it.
-                let begins = autoreset == Autoreset::NextStep || self.was_idle[env];
+                begins = repeated.autoreset == Autoreset::NextStep || self.was_idle[env];
                 (self.returns[env], self.lengths[env]) = (0.0, if begins { -1 } else { 0 });
                 self.clear_trails(env);
             }
-            self.returns[env] += reward;
+            self.returns[env] += f64::from(self.buffers.team_rewards[env]);
             self.lengths[env] += 1;
+            self.total_steps += u64::from(!begins);
             self.ended[env] = done;
             self.was_idle[env] = self.assigner.is_some() && self.batch.is_idle(env);
-            any_ended |= done;
             let agents = env * shape.agents..(env + 1) * shape.agents;
-            out.rewards[env] = reward;
             out.terminations[env] = done && self.buffers.terminated[agents.clone()].iter().all(|flag| *flag);
             out.truncations[env] = done && self.buffers.truncated[agents].iter().any(|flag| *flag);
+            repeated.add(env, &self.buffers, done || begins);
         }
-        Ok(any_ended)
+        Ok(())
+    }
+
+    /// Completes a step: writes the sums of its parts. Returns true if any episode ended.
+    pub(crate) fn finish_step(&mut self, repeated: RepeatedStep, rewards: &mut [f64]) -> bool {
+        rewards.copy_from_slice(&repeated.team_rewards);
+        self.buffers.rewards = repeated.rewards;
+        self.buffers.elapsed = repeated.elapsed;
+        self.ended.iter().any(|ended| *ended)
     }
 
     /// Renders an environment as RGB bytes; `None` before the first reset or if there is no memory for the image.

@@ -231,3 +231,46 @@ def test_reset_mask_may_be_a_view():
     envs.reset(options={"reset_mask": flags[:, 1]})
     after = [envs.scenario(env) for env in range(4)]
     assert [a == b for a, b in zip(before, after, strict=True)] == [True, True, False, True]
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_repeated_actions_equal_single_steps_until_an_episode_ends(task, mode):
+    settings = {"params": short_episode_params(task), "autoreset_mode": mode, "actions": "few"}
+    together = sparring.make_vec(task, 4, **settings)
+    alone = [sparring.make_vec(task, 1, **settings) for _ in range(4)]
+    together.reset(seed=5)
+    for env, single in enumerate(alone):
+        single.reset(seed=5 + env)
+    together.action_space.seed(4)
+    begins, ends, steps = np.zeros(4, np.bool_), 0, 0
+    for _ in range(60):
+        actions = together.action_space.sample()
+        step = together.step(actions, repeat=3)
+        by_agent, over = together.agent_results().rewards, step[2] | step[3]
+        for env, single in enumerate(alone):
+            total, agents = 0.0, np.zeros_like(by_agent[env])
+            for _ in range(3):
+                observations, rewards, terminations, truncations, infos = single.step(actions[env : env + 1])
+                total, agents = total + rewards[0], agents + single.agent_results().rewards[0]
+                done = bool(terminations[0] or truncations[0])
+                # A step that only begins an episode ignores its actions.
+                is_reset = bool(begins[env]) and mode == AutoresetMode.NEXT_STEP
+                steps += not is_reset
+                begins[env] = done
+                if done or is_reset:
+                    break
+            assert (bool(over[env]), step[1][env]) == (done, total)
+            assert bitwise_equal(by_agent[env], agents)
+            assert bitwise_equal(np.asarray(step[0][env]), np.asarray(observations[0]))
+            if done:
+                assert step[4]["episode"]["l"][env] == infos["episode"]["l"][0]
+        ends += int(over.sum())
+        if mode == AutoresetMode.DISABLED and over.any():
+            together.reset(options={"reset_mask": over.copy()})
+            for single in (alone[env] for env in np.flatnonzero(over)):
+                single.reset()
+            begins[:] = False
+    assert ends > 3
+    assert together.total_steps == steps == sum(single.total_steps for single in alone)
+    with pytest.raises(ValueError, match="`repeat` must be an integer >= 1, got 0"):
+        together.step(together.action_space.sample(), repeat=0)

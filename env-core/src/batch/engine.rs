@@ -94,11 +94,17 @@ impl<L: BatchLane> BatchEngine<L> {
     }
 
     /// Checks everything that could be wrong with a step before anything changes.
-    fn check_step(&self, actions: &[f32], out: &BatchOutput<'_>) -> Result<(), BatchError> {
+    fn check_step(
+        &self,
+        actions: &[f32],
+        mask: Option<&[bool]>,
+        out: &BatchOutput<'_>,
+    ) -> Result<(), BatchError> {
         let BatchShape { envs, agents, action, observation } = self.shape;
         let finals = if self.autoreset == Autoreset::SameStep { envs * observation } else { 0 };
         let executed = if out.executed_actions.is_empty() { 0 } else { actions.len() };
         check_size("actions", actions.len(), envs * agents * action)?;
+        check_size("mask", mask.map_or(envs, <[bool]>::len), envs)?;
         check_size("observations", out.observations.len(), envs * observation)?;
         check_size("final_observations", out.final_observations.len(), finals)?;
         check_size("rewards", out.rewards.len(), envs * agents)?;
@@ -112,7 +118,9 @@ impl<L: BatchLane> BatchEngine<L> {
         check_size("taken", out.executed_actions.len(), executed)?;
         self.check_actions(actions)?;
         let can_step = |slot: &EpisodeSequence| {
-            !slot.done || slot.idle || (self.autoreset == Autoreset::NextStep && slot.next_number > 0)
+            let is_masked = mask.is_some_and(|mask| !mask[slot.index]);
+            let may_restart = self.autoreset == Autoreset::NextStep && slot.next_number > 0;
+            !slot.done || slot.idle || may_restart || is_masked
         };
         match self.slots.iter().position(|slot| !can_step(&slot.sequence)) {
             Some(env) => Err(BatchError::Ended { env }),
@@ -165,11 +173,16 @@ impl<L: BatchLane> Batch for BatchEngine<L> {
         })
     }
 
-    fn step(&mut self, actions: &[f32], out: BatchOutput<'_>) -> Result<(), BatchError> {
-        self.check_step(actions, &out)?;
+    fn step_some(
+        &mut self,
+        actions: &[f32],
+        mask: Option<&[bool]>,
+        out: BatchOutput<'_>,
+    ) -> Result<(), BatchError> {
+        self.check_step(actions, mask, &out)?;
         let (shape, autoreset, source) = (self.shape, self.autoreset, &*self.source);
         let hold = self.actions.hold;
-        let step = BatchStep { source, autoreset, shape, hold, chunk_len: self.chunk_len() };
+        let step = BatchStep { source, autoreset, shape, hold, mask, chunk_len: self.chunk_len() };
         step.run(&mut self.slots, actions, Rows::from(out))
     }
 

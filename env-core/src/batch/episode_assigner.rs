@@ -247,10 +247,17 @@ impl<I: Clone> EpisodeAssigner<I> {
         }
     }
 
-    /// Records a step: its actions, the team's rewards, and the slots whose episodes ended.
-    pub fn record_step(&mut self, executed_actions: &[f32], team_rewards: &[f32], done: &[bool]) {
+    /// Records a step of all slots, or of those in the mask: its actions, the team's rewards, and the slots whose episodes ended.
+    pub fn record_step(
+        &mut self,
+        mask: Option<&[bool]>,
+        executed_actions: &[f32],
+        team_rewards: &[f32],
+        done: &[bool],
+    ) {
         let BatchShape { agents, action, .. } = self.shape;
-        for (slot, actions) in executed_actions.chunks_exact((agents * action).max(1)).enumerate() {
+        let rows = executed_actions.chunks_exact((agents * action).max(1)).enumerate();
+        for (slot, actions) in rows.filter(|(slot, _)| is_selected(mask, *slot)) {
             let Some(episode) = &mut self.running[slot] else {
                 self.begin(slot); // this step was the reset of the slot
                 continue;

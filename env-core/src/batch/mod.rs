@@ -60,7 +60,20 @@ pub trait Batch: Send {
     /// # Errors
     /// Returns an error if a buffer has the wrong size, an action is not finite or not in a discrete space, or an episode is over
     /// and the batch does not reset it; nothing changes then. Returns [`BatchError::Scenario`] if the next scenario of a slot cannot start.
-    fn step(&mut self, actions: &[f32], out: BatchOutput<'_>) -> Result<(), BatchError>;
+    fn step(&mut self, actions: &[f32], out: BatchOutput<'_>) -> Result<(), BatchError> {
+        self.step_some(actions, None, out)
+    }
+
+    /// Advances the environments in `mask`, or all, as [`Batch::step`] does. The others do not change, nor do their rows.
+    ///
+    /// # Errors
+    /// As [`Batch::step`], and [`BatchError::Size`] if the mask has the wrong size.
+    fn step_some(
+        &mut self,
+        actions: &[f32],
+        mask: Option<&[bool]>,
+        out: BatchOutput<'_>,
+    ) -> Result<(), BatchError>;
 
     /// The episode of an environment, or `None` if it has none.
     fn running_episode(&self, env: usize) -> Option<RunningEpisode>;

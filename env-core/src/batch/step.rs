@@ -119,6 +119,8 @@ pub(super) struct BatchStep<'a> {
     pub(super) autoreset: Autoreset,
     pub(super) shape: BatchShape,
     pub(super) hold: f32,
+    /// Environments to step; all without a mask.
+    pub(super) mask: Option<&'a [bool]>,
     pub(super) chunk_len: usize,
 }
 
@@ -152,6 +154,9 @@ impl BatchStep<'_> {
         let first = FirstError::default();
         let running = slots.iter_mut().zip(inputs).filter_map(|(slot, (actions, row))| {
             let Slot { lane, sequence } = slot;
+            if self.mask.is_some_and(|mask| !mask[sequence.index]) {
+                return None;
+            }
             if sequence.done {
                 first.note(sequence.index, sequence.step_after_end(lane, self, row));
                 return None;

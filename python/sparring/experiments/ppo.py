@@ -208,33 +208,19 @@ class Rollout:
             with torch.no_grad():
                 actions, log_probs = policy.draw(torch.from_numpy(self.observations[step]))
             self.actions[step], self.log_probs[step] = actions.numpy(), log_probs.numpy()
-            returns += self._repeat(envs, policy, step, absent)
-        with torch.no_grad():
-            self.values[:] = policy.critic(torch.from_numpy(self.observations)).squeeze(-1).numpy()
-        return returns
-
-    def _repeat(self, envs: sparring.VectorEnvironment, policy: Policy, step: int, absent: npt.NDArray[np.bool_]) -> list[float]:
-        """Repeats the actions of a decision.
-
-        Episodes that begin meanwhile act by the policy until the next decision, too. Their first steps are not learned from.
-        """
-        config, actions, returns = self.config, self.actions[step].copy(), []
-        rewards, dones = self.rewards[step], self.dones[step]
-        rewards[:], dones[:] = 0.0, False
-        for _ in range(config.decision_steps):
-            *_, infos = envs.step(actions, out=(self.out[step + 1], *self._team))
+            out = (self.out[step + 1], *self._team)
+            *_, infos = envs.step(self.actions[step], out, self.config.decision_steps)
             results = envs.agent_results()
-            ended = results.terminations | results.truncations
-            rewards += self._reward(results) * ~dones
-            dones |= ended
-            absent |= ended
+            self.rewards[step] = self._reward(results)
+            self.dones[step] = results.terminations | results.truncations
+            absent |= self.dones[step]
             if "_episode" in infos:
                 over = infos["_episode"]
                 returns += infos["episode"]["r"][over].tolist()
-                dones[over] = True
+                self.dones[step, over] = True
                 absent[over] = envs.absent_agents()[over]
-                if config.decision_steps > 1:
-                    actions[over] = policy.sample(self.observations[step + 1][over])
+        with torch.no_grad():
+            self.values[:] = policy.critic(torch.from_numpy(self.observations)).squeeze(-1).numpy()
         return returns
 
     def _reward(self, results: Any) -> npt.NDArray[np.float32]:
@@ -337,7 +323,6 @@ def train(
         optimizer = torch.optim.Adam(policy.parameters(), config.learning_rate, eps=1e-5)
         envs.reset(seed=config.seed, out=rollout.out[0])
         absent = envs.absent_agents()
-        steps_per_rollout = config.rollout * config.decision_steps * config.num_envs
         steps = 0
         while steps < config.steps:
             started = time.perf_counter()
@@ -346,7 +331,7 @@ def train(
             collected = time.perf_counter()
             metrics = learn(policy, optimizer, rollout, config)
             rollout.observations[0] = rollout.observations[-1]
-            steps += steps_per_rollout
+            steps_per_rollout, steps = envs.total_steps - steps, envs.total_steps
             if curriculum:
                 curriculum.policy_version += 1
             metrics["steps_per_s"] = steps_per_rollout / (time.perf_counter() - started)

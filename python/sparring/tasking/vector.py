@@ -179,14 +179,25 @@ class TaskingVectorEnv(VectorEnv[Any, Any, Any]):
 
 
 def make_satellite_vec(
-    num_envs: int, *, autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP, threads: int | None = None, **arguments: Any
+    task: str | None,
+    num_envs: int,
+    *,
+    satellites: Any,
+    autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP,
+    threads: int | None = None,
+    **arguments: Any,
 ) -> TaskingVectorEnv | SyncVectorEnv:
-    """Makes a vector environment from the arguments of `GeneralSatelliteTasking`.
+    """Makes a vector environment from the arguments of `GeneralSatelliteTasking`, for `sparring.make_vec`.
 
     One satellite, not a list of one, makes environments like `SatelliteTasking`. If a part must run in Python at each step, such
     as an observed function, the environments are those of Gymnasium's `SyncVectorEnv`, and a line of the log names the part.
     """
-    satellites = arguments.pop("satellites")
+    if satellites is None:
+        raise TypeError(f"make_vec() got an unexpected keyword argument {next(iter(arguments))!r}")
+    if task is not None:
+        raise invalid("task", "None with `satellites`", task)
+    if not isinstance(num_envs, int) or num_envs < 1:
+        raise invalid("num_envs", "at least 1", num_envs)
     if not isinstance(satellites, list):
         first: GeneralSatelliteTasking = SatelliteTasking(satellites, **arguments)
     else:

@@ -157,6 +157,12 @@ impl NativeBatch {
         self.step_threads.count()
     }
 
+    /// Number of steps of all environments so far; those that only began an episode do not count.
+    #[getter]
+    fn total_steps(&self, py: Python<'_>) -> u64 {
+        lock_attached(py, &self.state).total_steps
+    }
+
     /// Returns the names of the values of an observation.
     fn columns(&self, py: Python<'_>) -> Vec<String> {
         lock_attached(py, &self.state).batch.columns()
@@ -193,13 +199,14 @@ impl NativeBatch {
 
     /// Steps every environment, into `out` (observations, rewards, terminations, truncations) if given.
     ///
-    /// Returns these four arrays and whether any episode ended.
-    #[pyo3(signature = (actions, out=None) -> "tuple[numpy.typing.NDArray[numpy.float32], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.bool_], bool]")]
+    /// The actions are repeated for `repeat` steps, or until an environment's episode ends; rewards add up. Returns these four arrays and whether any episode ended.
+    #[pyo3(signature = (actions, out=None, repeat=1) -> "tuple[numpy.typing.NDArray[numpy.float32], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.bool_], bool]")]
     fn step<'py>(
         &self,
         py: Python<'py>,
         actions: &Bound<'py, PyAny>,
         out: Option<OutArrays<'py>>,
+        repeat: u32,
     ) -> PyResult<StepResult<'py>> {
         self.check_process()?;
         let mut values = std::mem::take(&mut lock_attached(py, &self.state).actions);
@@ -218,7 +225,7 @@ impl NativeBatch {
                 terminations: termination_writer.as_slice_mut().map_err(|error| rejected("out[2]", error))?,
                 truncations: truncation_writer.as_slice_mut().map_err(|error| rejected("out[3]", error))?,
             };
-            let stepped = py.detach(|| self.step_detached(values, &mut buffers));
+            let stepped = py.detach(|| self.step_detached(values, repeat, &mut buffers));
             stepped.map_err(|error| error.into_py(py))?
         };
         Ok((observations, rewards, terminations, truncations, any_ended))

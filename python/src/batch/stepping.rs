@@ -1,11 +1,12 @@
 //! Reset and step of a batch, without the interpreter lock.
 
+use env_core::batch::BatchBuffers;
 use env_core::batch::episode_assigner::BatchCall;
 
 use super::NativeBatch;
 use super::lock::lock_detached;
 use super::step_error::StepError;
-use crate::batch_state::StepBuffers;
+use crate::batch_state::{BatchState, RepeatedStep, StepBuffers};
 use crate::curriculum::WaitError;
 
 impl NativeBatch {
@@ -33,25 +34,48 @@ impl NativeBatch {
         reset.map_err(StepError::Batch)
     }
 
-    /// Steps all environments without the interpreter lock; returns true if any episode ended.
+    /// Steps all environments by the same actions, `repeat` times or until their episodes end, without the interpreter lock.
+    /// Returns true if any episode ended.
     pub(super) fn step_detached(
         &self,
         actions: Vec<f32>,
+        repeat: u32,
         buffers: &mut StepBuffers<'_>,
     ) -> Result<bool, StepError> {
         let state = &mut *lock_detached(&self.state);
+        let mut repeated = RepeatedStep::new(self.shape, self.config.autoreset);
+        let mut result = Ok(());
+        for _ in 0..repeat {
+            result = self.step_once(state, &actions, &mut repeated, buffers);
+            if result.is_err() || !repeated.next() {
+                break;
+            }
+        }
+        state.actions = actions;
+        result.map(|()| state.finish_step(repeated, buffers.rewards))
+    }
+
+    fn step_once(
+        &self,
+        state: &mut BatchState,
+        actions: &[f32],
+        repeated: &mut RepeatedStep,
+        buffers: &mut StepBuffers<'_>,
+    ) -> Result<(), StepError> {
         if let Some(curriculum) = &self.curriculum {
             let assigner = state.assigner.as_mut().ok_or_else(closed)?;
             curriculum.assign(assigner, BatchCall::Step).map_err(StepError::Curriculum)?;
         }
-        let stepped =
-            self.step_threads.run(|| state.step(&actions, buffers, self.shape, self.config.autoreset));
-        state.actions = actions;
-        if let (Ok(_), Some(curriculum), Some(assigner)) = (&stepped, &self.curriculum, &mut state.assigner) {
-            assigner.record_step(&state.last_actions, &state.buffers.team_rewards, &state.buffers.done);
+        let mask = repeated.mask().map(<[bool]>::to_vec);
+        self.step_threads
+            .run(|| state.step(actions, repeated, buffers, self.shape))
+            .map_err(StepError::Batch)?;
+        if let (Some(curriculum), Some(assigner)) = (&self.curriculum, &mut state.assigner) {
+            let BatchBuffers { team_rewards, done, .. } = &state.buffers;
+            assigner.record_step(mask.as_deref(), &state.last_actions, team_rewards, done);
             curriculum.finish(assigner);
         }
-        stepped.map_err(StepError::Batch)
+        Ok(())
     }
 }
 

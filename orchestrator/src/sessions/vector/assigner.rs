@@ -84,7 +84,7 @@ impl LeaseAssigner {
 
     /// Records the actions, team rewards and ended episodes of a step.
     pub(super) fn record_step(&mut self, actions: &[f32], team_rewards: &[f32], done: &[bool]) {
-        self.assigner.record_step(actions, team_rewards, done);
+        self.assigner.record_step(None, actions, team_rewards, done);
     }
 
     /// Takes the episodes that have ended since the last call, as reports.
