@@ -2,10 +2,11 @@
 
 import sys
 
-USAGE = """usage: python -m sparring.experiments {ppo,curriculum} ...
+USAGE = """usage: python -m sparring.experiments {ppo,curriculum,evidence} ...
 
   ppo         Train a policy by PPO in one file, in the manner of CleanRL
   curriculum  Compare several curricula with the same learner on held-out scenarios
+  evidence    Run the trainings of the evidence protocol, and write its tables and figures
 
 `python -m sparring.experiments ppo --help` lists the options of an experiment."""
 
@@ -29,11 +30,15 @@ def main() -> int:
             from .cli import main as run_curriculum
 
             return run_curriculum(arguments)
+        if name == "evidence":
+            from .evidence.cli import main as run_evidence
+
+            return run_evidence(arguments)
     except ImportError as error:
         remedy = "" if "pip install" in str(error) else ": pip install 'sparring[experiments]'"
         print(f"{error}{remedy}", file=sys.stderr)
         return 2
-    print(f"the experiment must be ppo or curriculum, got {name!r}", file=sys.stderr)
+    print(f"the experiment must be ppo, curriculum or evidence, got {name!r}", file=sys.stderr)
     return 2
 
 

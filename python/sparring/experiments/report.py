@@ -70,7 +70,7 @@ def _format_report(results: ExperimentResults, folder: Path) -> str:
         "# Curricula compared\n",
         _format_summary(results),
         TRAININGS_SECTION.format(threshold=experiment.threshold),
-        _format_table(head, [*(_arm_row(results, arm) for arm in results.arms()), _blind_row(results)]),
+        format_table(head, [*(_arm_row(results, arm) for arm in results.arms()), _blind_row(results)]),
         COMPARISON_SECTION.format(baseline=BASELINE),
         _format_comparison(results, folder),
         PICTURES_SECTION,
@@ -91,7 +91,8 @@ def _format_summary(results: ExperimentResults) -> str:
     )
 
 
-def _format_table(head: list[str], rows: list[list[str]]) -> str:
+def format_table(head: list[str], rows: list[list[str]]) -> str:
+    """Returns a table in Markdown."""
     lines = [head, ["---"] * len(head), *rows]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
@@ -134,7 +135,7 @@ def _format_comparison(results: ExperimentResults, folder: Path) -> str:
     if not rows:
         is_missing = BASELINE not in results.arms()
         return f"{BASELINE} is not among the arms.\n" if is_missing else "Compared once all trainings are complete.\n"
-    return _format_table(["arm", "task", "skill", "success", "score", "improvement"], rows)
+    return format_table(["arm", "task", "skill", "success", "score", "improvement"], rows)
 
 
 def _format_interval(interval: dict[str, Any] | None, sign: str) -> str:
@@ -143,7 +144,8 @@ def _format_interval(interval: dict[str, Any] | None, sign: str) -> str:
     return f"{interval['mean']:{sign}.3f} [{interval['low']:{sign}.3f}, {interval['high']:{sign}.3f}]"
 
 
-def _save_figure(file: Path, columns: int, draw: Callable[[Any], None]) -> None:
+def save_figure(file: Path, columns: int, draw: Callable[[Any], None]) -> None:
+    """Draws some axes side by side and saves them as SVG."""
     from matplotlib import rc_context
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
@@ -175,7 +177,7 @@ def _draw_skill(results: ExperimentResults, file: Path) -> None:
         axes[0].set_xlabel("held-out skill (contested)")
         axes[0].legend(frameon=False)
 
-    _save_figure(file, 1, draw)
+    save_figure(file, 1, draw)
 
 
 def _draw_curves(results: ExperimentResults, file: Path) -> None:
@@ -192,7 +194,7 @@ def _draw_curves(results: ExperimentResults, file: Path) -> None:
         axes[0].axhline(results.blind("skill"), color="tab:red", linestyle="--", linewidth=1)
         axes[0].legend(frameon=False)
 
-    _save_figure(file, len(CURVES), draw)
+    save_figure(file, len(CURVES), draw)
 
 
 def _mean_curve(results: ExperimentResults, arm: str, column: str) -> tuple[list[int], list[float]]:

@@ -1,0 +1,166 @@
+"""The protocol in code: tasks, budgets, thresholds, arms and seeds. They were fixed before the first run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import sparring
+
+from ..experiment import ExperimentError
+from ..ppo import Config
+
+#: Seeds of the claims, which no tuning used: the first are those of all arms, all of them those of the arms of the claims.
+SEEDS = tuple(range(101, 111))
+#: Number of seeds of an arm that no claim is about.
+FEW_SEEDS = 5
+#: Arm with which all others are compared.
+BASELINE = "uniform-levels"
+#: Arms of the claims, with all seeds.
+CLAIMED = (BASELINE, "uniform-rungs", "auto")
+#: Held-out scenarios of a task. They have user seeds, which no curriculum proposes.
+HELD_OUT_SCENARIOS = 200
+#: Seed of the first held-out scenario that is tried. Tuning used other scenarios.
+HELD_OUT_SEED = 40_000_000
+#: Evaluations on the held-out scenarios during a training, evenly spaced.
+LOOKS = 40
+#: Episodes of each held-out scenario at the end: one half ranks the scenarios, the other half measures the worst tenth.
+FINAL_EPISODES = 8
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A task with a reward, a budget and the thresholds of a held-out measure."""
+
+    name: str
+    task: str
+    #: Environment steps of a training, which include probes and scoring rollouts.
+    budget: int
+    #: Held-out measure, averaged over the scenarios: `success`, or `skill`.
+    measure: str
+    #: Values of the measure of which the steps are counted. Claims are about the first.
+    thresholds: tuple[float, float]
+    #: Settings of the learner that differ from those tuned for the task.
+    learner: dict[str, Any] = field(default_factory=dict)
+
+    def config(self, seed: int) -> Config:
+        """Returns the settings of the learner, which were tuned with the arm `uniform-levels`."""
+        return Config.tuned(self.task, steps=self.budget, seed=seed, **self.learner)
+
+
+#: Success of a deputy is all that is rewarded.
+SUCCESS_ONLY = {"reward_weight": 0.0, "success_reward": 1.0}
+PROBLEMS = (
+    Problem("docking/single", "docking/single", 4_000_000, "success", (0.7, 0.5)),
+    Problem("docking/single-success", "docking/single", 12_000_000, "success", (0.7, 0.5), SUCCESS_ONLY),
+    Problem("docking/multiagent", "docking/multiagent", 4_000_000, "success", (0.7, 0.5)),
+    Problem("kessler/survival", "kessler/survival", 400_000, "skill", (0.5, 0.4)),
+    Problem("kessler/rendezvous", "kessler/rendezvous", 400_000, "skill", (0.25, 0.15)),
+    Problem("kessler/eco_station", "kessler/eco_station", 300_000, "skill", (0.5, 0.3)),
+    Problem("kessler/formation", "kessler/formation", 300_000, "skill", (0.08, 0.05)),
+    Problem("tasking/scanning", "tasking/scanning", 300_000, "skill", (0.1, 0.0)),
+)
+
+
+@dataclass(frozen=True)
+class Arm:
+    """A way to choose the scenarios of a training."""
+
+    name: str
+    strategy: str
+    description: str
+    #: Hyperparameters of the strategy that differ from the defaults.
+    hyperparameters: dict[str, Any] = field(default_factory=dict)
+    #: Episodes for each scenario.
+    group_size: int = 1
+    #: Returns the level table for a share of the budget that is used up, 0 to 1; None if the table does not change.
+    levels: Callable[[str, float], dict[str, Any]] | None = None
+    #: Settings of designed layouts.
+    design: dict[str, Any] = field(default_factory=lambda: {"designer": "off"})
+
+    def run_settings(self, task: str, seed: int) -> dict[str, Any]:
+        """Returns the settings of a run, for `POST /v1/runs`."""
+        settings: dict[str, Any] = {
+            "name": f"{self.name}, seed {seed}",
+            "seed": seed,
+            "tasks": [task],
+            "group_size": self.group_size,
+            "strategy": self.strategy,
+            "strategy_settings": self.hyperparameters,
+            "design": self.design,
+        }
+        if self.levels is not None:
+            settings["task_settings"] = {task: {"levels": self.levels(task, 0.0)}}
+        return settings
+
+
+def level_table(task: str, start_scale: float = 1.0) -> dict[str, Any]:
+    """Returns the level table of a task with a start scale, so that its levels are the rungs, and not its starts."""
+    rows = [{**row, **_scaled(task, start_scale)} for row in sparring.levels(task)]
+    return {"columns": list(rows[0]), "rows": [list(row.values()) for row in rows]}
+
+
+def ramp(task: str, share: float) -> dict[str, Any]:
+    """Returns the level table of a ramp that climbs all rungs at a constant rate until three quarters of the budget.
+
+    It knows the budget, which no strategy does.
+    """
+    starts, rows = sparring.task(task).start_rungs, sparring.levels(task)
+    rungs = len(starts) or len(rows)
+    rung = min(rungs - 1, int(share / 0.75 * rungs))
+    if share >= 0.75:
+        return level_table(task)
+    if starts:
+        return level_table(task, starts[rung])
+    return {"columns": list(rows[rung]), "rows": [list(rows[rung].values())]}
+
+
+def _scaled(task: str, start_scale: float) -> dict[str, float]:
+    return {"start_scale": start_scale} if sparring.task(task).start_rungs else {}
+
+
+ARMS = (
+    Arm(BASELINE, "uniform", "all levels are equally likely"),
+    Arm("uniform-rungs", "bandit", "all rungs are equally likely", {"uniform": 1.0}),
+    Arm("fixed", "fixed", "the default params of the task"),
+    Arm("ramp", "uniform", "the rungs one after the other, at a rate that knows the budget", levels=ramp),
+    Arm(
+        "contested", "bandit", "all levels are equally likely, only contested scenarios", {"uniform": 1.0},
+        levels=lambda task, _: level_table(task),
+    ),
+    Arm("staircase", "staircase", "the sampler staircase"),
+    Arm("controller", "controller", "the sampler controller"),
+    Arm("bandit", "bandit", "the sampler bandit"),
+    Arm("auto", "auto", "the sampler that the table of the strategy auto names"),
+    Arm("learnability", "learnability", "levels and scenarios by p(1 − p) of a model of success"),
+    Arm(
+        "learnability-rollouts", "learnability", "sampling for learnability, with scoring rollouts counted",
+        {"rank": "rollouts"}, group_size=8,
+    ),
+    Arm("plr", "plr", "prioritised level replay by learnability", group_size=4),
+)  # fmt: skip
+
+
+def find_problem(name: str) -> Problem:
+    """Returns a problem by its name.
+
+    Raises:
+        ExperimentError: There is none.
+    """
+    for problem in PROBLEMS:
+        if problem.name == name:
+            return problem
+    raise ExperimentError(f"--problems must be among {', '.join(each.name for each in PROBLEMS)}, got {name!r}")
+
+
+def find_arm(name: str) -> Arm:
+    """Returns an arm by its name.
+
+    Raises:
+        ExperimentError: There is none.
+    """
+    for arm in ARMS:
+        if arm.name == name:
+            return arm
+    raise ExperimentError(f"--arms must be among {', '.join(each.name for each in ARMS)}, got {name!r}")

@@ -1,0 +1,70 @@
+"""Runs the trainings of the protocol that are not complete, some of them in parallel."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+
+from . import held_out, training
+from .protocol import ARMS, CLAIMED, FEW_SEEDS, PROBLEMS, SEEDS, find_problem
+from .training import Training
+
+
+def planned(problems: Sequence[str] = (), arms: Sequence[str] = (), seeds: Sequence[int] = ()) -> list[Training]:
+    """Returns the trainings of the protocol, or those of some problems, arms and seeds, the claims first."""
+    listed = [
+        Training(problem.name, arm.name, seed)
+        for is_claimed in (True, False)
+        for number, seed in enumerate(SEEDS)
+        for problem in PROBLEMS
+        for arm in ARMS
+        if (arm.name in CLAIMED) == is_claimed and (is_claimed or number < FEW_SEEDS)
+    ]
+    return [
+        each
+        for each in listed
+        if each.problem in (problems or [each.problem])
+        and each.arm in (arms or [each.arm])
+        and each.seed in (seeds or [each.seed])
+    ]
+
+
+def missing(folder: Path, trainings: Sequence[Training]) -> list[Training]:
+    """Returns the trainings without results."""
+    return [each for each in trainings if not each.file(folder).exists()]
+
+
+def run(
+    folder: Path, trainings: Sequence[Training], jobs: int, done: Callable[[Training], None], binary: str | None = None
+) -> None:
+    """Runs trainings, each in a process and on a core of its own.
+
+    A training that was interrupted begins anew; its seed decides its scenarios and weights.
+
+    Raises:
+        CurriculumError: A server fails.
+    """
+    # Parallel trainings would draw the same scenarios at the same time.
+    for task in dict.fromkeys(find_problem(each.problem).task for each in trainings):
+        held_out.load(folder / "held-out", task)
+    if jobs == 1:
+        for each in trainings:
+            training.run(folder, each, binary)
+            done(each)
+        return
+    context = multiprocessing.get_context("spawn")  # a learner's threads do not survive a fork
+    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_use_one_core) as pool:
+        futures = {pool.submit(training.run, folder, each, binary): each for each in trainings}
+        try:
+            for future in as_completed(futures):
+                future.result()
+                done(futures[future])
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _use_one_core() -> None:
+    os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")

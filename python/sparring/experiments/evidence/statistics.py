@@ -1,0 +1,131 @@
+"""Statistics of the trainings: steps to a threshold, ratios with intervals, and areas under the curve."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..experiment import ExperimentError
+from ..results import Interval
+from .protocol import ARMS, PROBLEMS, Problem, find_problem
+from .training import Training
+
+#: Resamples of a bootstrap.
+RESAMPLES = 10_000
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Results of a complete training."""
+
+    training: Training
+    problem: Problem
+    #: Environment steps at each evaluation.
+    steps: npt.NDArray[np.float64]
+    #: Held-out measure at each evaluation.
+    values: npt.NDArray[np.float64]
+    #: Measures of the final policy: `success`, `skill` and `worst_tenth`.
+    final: dict[str, float]
+    #: Share of groups whose episodes all have the same score; None if groups have one episode.
+    zero_variance: float | None
+
+    def steps_to(self, threshold: float) -> float | None:
+        """Returns the steps at the first of two evaluations whose mean is the threshold or more; None if there are none.
+
+        One evaluation has a standard error of about 0.03, so a single one would often be above by chance.
+        """
+        reached = np.flatnonzero((self.values[:-1] + self.values[1:]) / 2 >= threshold)
+        return float(self.steps[reached[0]]) if reached.size else None
+
+    def steps_or_budget(self, threshold: float) -> float:
+        """Returns the steps to a threshold, or the budget, which is a lower bound of them."""
+        reached = self.steps_to(threshold)
+        return float(self.problem.budget) if reached is None else reached
+
+    def area(self) -> float:
+        """Returns the mean of the measure over the budget, by trapezoids."""
+        widths = np.diff(self.steps)
+        return float((widths * (self.values[:-1] + self.values[1:]) / 2).sum() / widths.sum())
+
+
+def read(folder: Path) -> list[Outcome]:
+    """Reads the complete trainings, in the order of the protocol.
+
+    Raises:
+        ExperimentError: There are none.
+    """
+    files = sorted((folder / "trainings").glob("*/*.json"))
+    if not files:
+        raise ExperimentError(f"--out must have a complete training, got {folder}; run it without --report first")
+    outcomes = [_outcome(json.loads(file.read_text())) for file in files]
+    problems, arms = [problem.name for problem in PROBLEMS], [arm.name for arm in ARMS]
+    return sorted(
+        outcomes, key=lambda each: (problems.index(each.problem.name), arms.index(each.training.arm), each.training.seed)
+    )
+
+
+def _outcome(row: dict[str, Any]) -> Outcome:
+    problem = find_problem(row["problem"])
+    return Outcome(
+        Training(row["problem"], row["arm"], row["seed"]),
+        problem,
+        np.array([look["steps"] for look in row["curve"]], np.float64),
+        np.array([look[problem.measure] for look in row["curve"]], np.float64),
+        row["final"],
+        row["zero_variance"],
+    )
+
+
+def pairs(arm: Sequence[Outcome], baseline: Sequence[Outcome]) -> tuple[list[Outcome], list[Outcome]]:
+    """Returns the trainings of both arms that have the same seeds, in the same order."""
+    by_seed = {outcome.training.seed: outcome for outcome in baseline}
+    shared = [outcome for outcome in arm if outcome.training.seed in by_seed]
+    return shared, [by_seed[outcome.training.seed] for outcome in shared]
+
+
+def ratio_of_steps(arm: Sequence[Outcome], baseline: Sequence[Outcome], threshold: float) -> Interval:
+    """Returns how many times as many steps the baseline needs as the arm: the ratio of the mean steps over seeds.
+
+    A training that does not reach the threshold counts as its budget. If only the baseline misses it, the ratio is a lower bound.
+    """
+    arm, baseline = pairs(arm, baseline)
+    slow = np.array([outcome.steps_or_budget(threshold) for outcome in baseline])
+    fast = np.array([outcome.steps_or_budget(threshold) for outcome in arm])
+    return _bootstrap(lambda slow, fast, axis=-1: slow.mean(axis) / fast.mean(axis), slow, fast)
+
+
+def relative_area(arm: Sequence[Outcome], baseline: Sequence[Outcome]) -> Interval:
+    """Returns by which part of the baseline's area the area of the arm is larger; negative for a loss."""
+    arm, baseline = pairs(arm, baseline)
+    own, other = (np.array([outcome.area() for outcome in outcomes]) for outcomes in (arm, baseline))
+    return _bootstrap(lambda own, other, axis=-1: (own - other).mean(axis) / np.abs(other.mean(axis)), own, other)
+
+
+def mean(values: Sequence[float]) -> Interval:
+    """Returns a mean over seeds."""
+    return _bootstrap(lambda values, axis=-1: values.mean(axis), np.array(values))
+
+
+def _bootstrap(statistic: Any, *samples: npt.NDArray[np.float64]) -> Interval:
+    """Returns a statistic with its 95 % interval by percentiles of a bootstrap over seeds, which keeps pairs together."""
+    from scipy import stats
+
+    value = float(statistic(*samples))
+    if len(samples[0]) < 2:
+        return Interval(value, value, value)
+    found = stats.bootstrap(
+        samples,
+        statistic,
+        paired=True,
+        vectorized=True,
+        n_resamples=RESAMPLES,
+        method="percentile",
+        rng=np.random.default_rng(0),  # equal results get equal intervals
+    )
+    return Interval(value, float(found.confidence_interval.low), float(found.confidence_interval.high))
