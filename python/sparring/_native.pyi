@@ -110,11 +110,11 @@ class NativeBatch:
         """
         Returns a hash of every bit of an environment's state.
         """
-    def step(self, /, actions: Any, out: tuple[Any, Any, Any, Any] | None = None) -> "tuple[numpy.typing.NDArray[numpy.float32], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.bool_], bool]":
+    def step(self, /, actions: Any, out: tuple[Any, Any, Any, Any] | None = None, repeat: SupportsIndex = 1) -> "tuple[numpy.typing.NDArray[numpy.float32], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.bool_], numpy.typing.NDArray[numpy.bool_], bool]":
         """
         Steps every environment, into `out` (observations, rewards, terminations, truncations) if given.
 
-        Returns these four arrays and whether any episode ended.
+        The actions are repeated for `repeat` steps, or until an environment's episode ends; rewards add up. Returns these four arrays and whether any episode ended.
         """
     def step_times(self, /) -> "tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.bool_]]":
         """
@@ -130,6 +130,11 @@ class NativeBatch:
     def threads(self, /) -> int:
         """
         Number of threads that step the batch.
+        """
+    @property
+    def total_steps(self, /) -> int:
+        """
+        Number of steps of all environments so far; those that only began an episode do not count.
         """
 
 @final

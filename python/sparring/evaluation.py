@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-
 from .curriculum import MAX_GROUP_EPISODES, Curriculum, CurriculumError
 from .errors import invalid
 from .vector import VectorEnvironment, make_vec

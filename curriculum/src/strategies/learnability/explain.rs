@@ -26,8 +26,8 @@ pub(super) fn explain(strategy: &Learnability, settings: &Settings) -> Explanati
     ];
     rules.push(match method {
         RankingMethod::Model => {
-            "A logistic model over params and the blind panel's success is fitted every 32 outcomes, on \
-             the last 256."
+            "A logistic model over params and the blind panel's success is fitted every 8 outcomes; each \
+             outcome discounts those before it by 0.99."
                 .to_owned()
         }
         RankingMethod::Rollouts => {
@@ -45,7 +45,7 @@ pub(super) fn explain(strategy: &Learnability, settings: &Settings) -> Explanati
 fn describe_pool(pool: &ScenarioPool, settings: &Settings) -> String {
     if ranking_method(settings) == RankingMethod::Model {
         return match &pool.model.fitted {
-            None => "the model has too few outcomes yet: all scenarios are fresh".to_owned(),
+            None => "the model has too few outcomes yet: all levels are equally likely".to_owned(),
             Some(fitted) => {
                 let list: Vec<String> = fitted.iter().map(|value| format!("{value:.2}")).collect();
                 format!("coefficients of 1, the params and the panel: {}", list.join(", "))

@@ -1,15 +1,13 @@
-//! Learnability: repeats scenarios on which the agent succeeds sometimes, neither always nor never.
+//! Learnability: prefers scenarios on which the agent succeeds sometimes, neither always nor never.
 //!
-//! Sampling for learnability (Rutherford et al. 2024): of N fresh scenarios, each rolled out L times, those with the
-//! highest k(L − k)/(L(L − 1)) are kept until the next N are complete. Half of the proposals come from those kept, half
-//! are fresh. The fresh half serves as the candidates: a service has no rollouts to spare, and the agent may as well
-//! learn from them.
+//! By default no scenario is rolled out only to be scored (`rank: model`): a logistic model ([`model`]) over params and the blind
+//! panel's success predicts p, draws the level by p(1 − p), and chooses among several fresh scenarios the one nearest one half.
+//! Half of the proposals are chosen by it, from the first on; the others are fresh.
 //!
-//! The estimate uses the rollouts themselves. p(1 − p) of a posterior mean would rank scenarios without rollouts first.
-//!
-//! If even the candidates' rollouts cost too much (`rank: model`), no scenario is repeated: a logistic model ([`model`])
-//! over params and the blind panel's success chooses, among several fresh scenarios, the one nearest one half. Half of
-//! the proposals are chosen by it.
+//! With `rank: rollouts` it is sampling for learnability (Rutherford et al. 2024): of N fresh scenarios, each rolled out L times,
+//! those with the highest k(L − k)/(L(L − 1)) are kept until the next N are complete. Half of the proposals come from those kept,
+//! half are fresh. The fresh half serves as the candidates: a service has no rollouts to spare, and the agent may as well learn
+//! from them. The estimate uses the rollouts themselves. p(1 − p) of a posterior mean would rank scenarios without rollouts first.
 
 mod explain;
 mod model;

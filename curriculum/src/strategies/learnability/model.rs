@@ -11,10 +11,12 @@ use crate::core::proposal::{Proposal, ProposalRole, ScenarioSource};
 use crate::core::scale::LevelScale;
 use crate::core::settings::TaskPlan;
 
-/// Number of outcomes that the model is fitted on. The agent changes while it trains, so older ones are dropped.
+/// Factor by which each outcome discounts the weights of those before it: the agent changes while it trains.
+const DISCOUNT: f64 = 0.99;
+/// Number of outcomes that the model is fitted on. The weight of an older one would be below a twelfth.
 const WINDOW: usize = 256;
-/// Number of outcomes before the first fit, and between two fits.
-const FIT_INTERVAL: u32 = 32;
+/// Number of outcomes between two fits.
+const FIT_INTERVAL: u32 = 8;
 /// Largest number of Newton steps of a fit; from zero it takes five or six.
 const MAX_NEWTON_STEPS: usize = 20;
 /// Weight of the penalty on coefficients: a prior of standard deviation 1 on features within 0 to 1. It keeps the
@@ -29,7 +31,7 @@ pub(super) struct SuccessModel {
     seen: VecDeque<(Vec<f64>, f64)>,
     /// Number of outcomes since the last fit.
     since: u32,
-    /// Coefficients; `None` before the first fit.
+    /// Coefficients; `None` before the first fit, when all are zero.
     pub(super) fitted: Option<Vec<f64>>,
 }
 
@@ -49,10 +51,10 @@ impl SuccessModel {
         }
     }
 
-    /// Proposes the scenario nearest one half among `among` fresh ones of a level; `None` before the first fit. The
-    /// level is drawn by its predicted p(1 − p) where half of the blind plans succeed.
+    /// Proposes the scenario nearest one half among `among` fresh ones of a level. The level is drawn by its predicted p(1 − p)
+    /// where half of the blind plans succeed; before the first fit all levels are equally likely.
     pub(super) fn choose(&self, plan: &TaskPlan, among: u32, rng: &mut KeyedRng) -> Option<Proposal> {
-        let fitted = self.fitted.as_ref()?;
+        let fitted = self.fitted.as_deref().unwrap_or_default();
         let logit = |level: u32, panel: f64| dot(fitted, &features(plan, Some(level), panel));
         let learnability = |level: u32| {
             let p = logistic(logit(level, 0.5));
@@ -75,23 +77,27 @@ fn features(plan: &TaskPlan, level: Option<u32>, panel: f64) -> Vec<f64> {
     std::iter::once(1.0).chain(fractions).chain([panel]).collect()
 }
 
-/// Fits the coefficients by penalised maximum likelihood with Newton's method (iteratively reweighted least squares:
+/// Fits the coefficients by penalised maximum likelihood of the discounted outcomes with Newton's method (iteratively reweighted least squares:
 /// Nelder and Wedderburn 1972).
 fn fit(seen: &VecDeque<(Vec<f64>, f64)>) -> Option<Vec<f64>> {
     let width = seen.front()?.0.len();
-    let rows: Vec<(DVector<f64>, f64)> = seen
+    let ages = (0..seen.len()).rev().map(|age| libm::pow(DISCOUNT, age as f64));
+    let rows: Vec<(DVector<f64>, f64, f64)> = seen
         .iter()
-        .filter(|(features, _)| features.len() == width)
-        .map(|(features, success_rate)| (DVector::from_column_slice(features), *success_rate))
+        .zip(ages)
+        .filter(|((features, _), _)| features.len() == width)
+        .map(|((features, success_rate), weight)| {
+            (DVector::from_column_slice(features), *success_rate, weight)
+        })
         .collect();
     let mut beta = DVector::<f64>::zeros(width);
     for _ in 0..MAX_NEWTON_STEPS {
         let mut gradient = &beta * -RIDGE;
         let mut hessian = DMatrix::<f64>::identity(width, width) * RIDGE;
-        for (x, success_rate) in &rows {
+        for (x, success_rate, weight) in &rows {
             let p = logistic(beta.dot(x));
-            gradient += x * (success_rate - p);
-            hessian += x * x.transpose() * (p * (1.0 - p));
+            gradient += x * (success_rate - p) * *weight;
+            hessian += x * x.transpose() * (weight * p * (1.0 - p));
         }
         let step = hessian.cholesky()?.solve(&gradient);
         beta += &step;
@@ -131,12 +137,15 @@ mod tests {
         }
         let fitted = fit(&seen).unwrap();
         for at in 0..2 {
-            let gradient: f64 = seen.iter().map(|(x, v)| (v - logistic(dot(&fitted, x))) * x[at]).sum();
+            let terms = seen.iter().rev().enumerate().map(|(age, (x, v))| {
+                libm::pow(DISCOUNT, age as f64) * (v - logistic(dot(&fitted, x))) * x[at]
+            });
+            let gradient: f64 = terms.sum();
             assert!((gradient - fitted[at]).abs() < 1e-6, "{gradient} {fitted:?}");
         }
         let logit = |p: f64| libm::log(p / (1.0 - p));
-        // A hundred outcomes of each against a prior of one: shrunk by about a fifth.
-        assert!((fitted[0] - logit(0.8)).abs() < 0.25 && (fitted[0] + fitted[1] - logit(0.25)).abs() < 0.25);
+        // The weights of each add up to 43, against a prior of one.
+        assert!((fitted[0] - logit(0.8)).abs() < 0.5 && (fitted[0] + fitted[1] - logit(0.25)).abs() < 0.5);
     }
 
     #[test]
@@ -150,7 +159,7 @@ mod tests {
         let plan = TaskPlan::standard("kessler/survival").unwrap();
         let mut model = SuccessModel::default();
         let mut rng = KeyedRng::new(RngPurpose::Curriculum, 3, 3);
-        assert!(model.choose(&plan, 4, &mut rng).is_none());
+        assert!(model.choose(&plan, 4, &mut rng).unwrap().why.contains("0.50 is predicted"));
         for n in 0..256u32 {
             let level = n % 10;
             let outcome = GroupOutcome {

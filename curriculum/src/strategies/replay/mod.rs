@@ -128,7 +128,8 @@ fn replay_threshold(settings: &Settings) -> usize {
 fn score(settings: &Settings, outcome: &GroupOutcome) -> Option<f64> {
     let score = match ScenarioScore::from_name(settings.hyperparameters.choice(&SCORE)) {
         ScenarioScore::Regret => outcome.signals.regret,
-        ScenarioScore::Learnability => outcome.learnability(),
+        // One episode does not show how often the agent succeeds.
+        ScenarioScore::Learnability => outcome.learnability().or(outcome.signals.regret),
         ScenarioScore::PositiveValueLoss => outcome.signals.positive_value_loss,
         ScenarioScore::MaxMc => outcome.signals.max_mc,
     };

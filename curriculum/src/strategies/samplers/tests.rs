@@ -203,7 +203,7 @@ fn auto_names_the_reason_for_each_task() {
         assert!(state.contains("because"), "{}: {state}", task.id());
         assert_eq!(
             state.starts_with("staircase"),
-            task.id().starts_with("docking/") || task.id() == SURVIVAL || task.id() == "kessler/rendezvous"
+            task.id().starts_with("docking/") || task.id() == SURVIVAL
         );
     }
 }

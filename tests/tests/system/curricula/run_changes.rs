@@ -31,7 +31,7 @@ async fn invalid_settings_are_rejected_by_field() {
         (
             json!({"strategy": "accel", "strategy_settings": {"score": "luck"}}),
             "strategy_settings.score",
-            "one of regret",
+            "one of learnability",
         ),
         (
             json!({"strategy": "alp_gmm", "strategy_settings": {"window": 2.5}}),

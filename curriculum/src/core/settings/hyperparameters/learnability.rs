@@ -4,16 +4,16 @@ use super::spec::{Hyperparameter, ValueRange};
 
 pub(crate) const RANK: Hyperparameter = Hyperparameter {
     name: "rank",
-    range: ValueRange::Choice(&["rollouts", "model"]),
-    description: "ranking of scenarios: by rollouts of each, or by a logistic model over params and the \
-                  blind panel's success",
-    source: "Rutherford et al. 2024; the model is our own, for rollouts that cost calls of a language model",
+    range: ValueRange::Choice(&["model", "rollouts"]),
+    description: "ranking of scenarios: by a logistic model over params and the blind panel's success, or by \
+                  rollouts of each",
+    source: "Rutherford et al. 2024 roll out; the model is our own, because rollouts are steps without training",
 };
 pub(crate) const CANDIDATES: Hyperparameter = Hyperparameter {
     name: "candidates",
-    range: ValueRange::Whole { default: 256, min: 2, max: 100_000 },
+    range: ValueRange::Whole { default: 32, min: 2, max: 100_000 },
     description: "number of fresh scenarios of a task, N, after which the kept ones are replaced",
-    source: "Rutherford et al. 2024 use 5 000, in a simulator of their own",
+    source: "Rutherford et al. 2024 use 5 000; with so few the kept ones are renewed while the agent learns",
 };
 pub(crate) const ROLLOUTS: Hyperparameter = Hyperparameter {
     name: "rollouts",
@@ -23,9 +23,9 @@ pub(crate) const ROLLOUTS: Hyperparameter = Hyperparameter {
 };
 pub(crate) const KEPT: Hyperparameter = Hyperparameter {
     name: "kept",
-    range: ValueRange::Whole { default: 64, min: 1, max: 10_000 },
+    range: ValueRange::Whole { default: 8, min: 1, max: 10_000 },
     description: "number of candidates of a task that are kept",
-    source: "Rutherford et al. 2024 keep one in five",
+    source: "Rutherford et al. 2024 keep one in five; here one in four",
 };
 pub(crate) const SHARE: Hyperparameter = Hyperparameter {
     name: "share",
@@ -52,11 +52,11 @@ pub(crate) enum RankingMethod {
 }
 
 impl RankingMethod {
-    /// Method with this name; rollouts, the default, for any other name.
+    /// Method with this name; the model, the default, for any other name.
     pub(crate) fn from_name(name: &str) -> Self {
         match name {
-            "model" => Self::Model,
-            _ => Self::Rollouts,
+            "rollouts" => Self::Rollouts,
+            _ => Self::Model,
         }
     }
 }

@@ -180,7 +180,7 @@ mod tests {
         let none = error(StrategyKind::Uniform, json!({"replay": 0.5}));
         assert!(none.contains("the strategy uniform has no settings"), "{none}");
         let choice = error(StrategyKind::Plr, json!({"score": "luck"}));
-        assert!(choice.contains("must be one of regret,"), "{choice}");
+        assert!(choice.contains("must be one of learnability,"), "{choice}");
         let fraction = error(StrategyKind::Plr, json!({"capacity": 10.5}));
         assert!(fraction.contains("must be an integer"), "{fraction}");
     }

@@ -4,17 +4,17 @@ use super::spec::{Hyperparameter, ValueRange};
 
 pub(crate) const REPLAY: Hyperparameter = Hyperparameter {
     name: "replay",
-    range: ValueRange::Number { default: 0.8, min: 0.0, max: 1.0 },
+    range: ValueRange::Number { default: 0.5, min: 0.0, max: 1.0 },
     description: "probability that a proposal repeats a kept scenario, once there are enough",
-    source: "Parker-Holder et al. 2022, table 6",
+    source: "Jiang et al. 2021b, table 3; Parker-Holder et al. 2022 repeat 0.8",
 };
 pub(crate) const SCORE: Hyperparameter = Hyperparameter {
     name: "score",
-    range: ValueRange::Choice(&["regret", "learnability", "positive_value_loss", "max_mc"]),
-    description: "teaching value of a scenario: max(0, reference − score)/(reference − floor); k(L − \
-                  k)/(L(L − 1)) for k successes in L episodes; or what the trainer reports with its \
-                  results",
-    source: "the planner's reference is a lower bound on the best; Rutherford et al. 2024; Jiang et al. \
+    range: ValueRange::Choice(&["learnability", "regret", "positive_value_loss", "max_mc"]),
+    description: "teaching value of a scenario: k(L − k)/(L(L − 1)) for k successes in L episodes, in groups of \
+                  one their regret; max(0, reference − score)/(reference − floor); or what the trainer \
+                  reports with its results",
+    source: "Rutherford et al. 2024; the planner's reference is a lower bound on the best; Jiang et al. \
              2021 and 2021b",
 };
 pub(crate) const BETA: Hyperparameter = Hyperparameter {
@@ -66,13 +66,13 @@ pub(crate) enum ScenarioScore {
 }
 
 impl ScenarioScore {
-    /// Measure with this name; regret, the default, for any other name.
+    /// Measure with this name; learnability, the default, for any other name.
     pub(crate) fn from_name(name: &str) -> Self {
         match name {
-            "learnability" => Self::Learnability,
+            "regret" => Self::Regret,
             "positive_value_loss" => Self::PositiveValueLoss,
             "max_mc" => Self::MaxMc,
-            _ => Self::Regret,
+            _ => Self::Learnability,
         }
     }
 }
