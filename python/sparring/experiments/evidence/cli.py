@@ -48,6 +48,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--arms", default="", help=f"arms (default: {', '.join(each.name for each in ARMS)})")
     parser.add_argument("--seeds", default="", help=f"seeds (default: {SEEDS[0]} to {SEEDS[-1]}, of most arms the first five)")
     parser.add_argument("--jobs", type=int, default=1, help="parallel trainings, one core each (%(default)s)")
+    parser.add_argument("--budget", type=int, help="env-steps of each training, for a trial (default: those of the protocol)")
     parser.add_argument("--binary", help="program of the server (default: SPARRING_BIN, or that of the package sparring-server)")
     parser.add_argument("--report", action="store_true", help="only write the tables and figures of the complete trainings")
     return parser
@@ -62,8 +63,9 @@ def _run(args: argparse.Namespace) -> None:
     problems = [find_problem(name).name for name in split_list(args.problems)]
     arms = [find_arm(name).name for name in split_list(args.arms)]
     trainings = runner.planned(problems, arms, _read_seeds(args.seeds))
-    if args.jobs < 1:
-        raise ExperimentError(f"--jobs must be >= 1, got {args.jobs}")
+    for name, value in (("jobs", args.jobs), ("budget", args.budget)):
+        if value is not None and value < 1:
+            raise ExperimentError(f"--{name} must be >= 1, got {value}")
     if not args.report:
         missing = runner.missing(args.out, trainings)
         print(f"{len(trainings) - len(missing)} of {len(trainings)} trainings are complete")
@@ -73,7 +75,7 @@ def _run(args: argparse.Namespace) -> None:
                 bar.set_description(f"{training.problem} {training.arm} {training.seed}")
                 bar.update()
 
-            runner.run(args.out, missing, args.jobs, done, args.binary)
+            runner.run(args.out, missing, args.jobs, done, args.binary, args.budget)
     for file in report.write(args.out):
         print(file)
 

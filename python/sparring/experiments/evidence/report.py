@@ -31,12 +31,14 @@ def write(folder: Path) -> list[Path]:
     _write_curves(outcomes, files[1])
     parts = ["# Evidence\n"]
     for problem in PROBLEMS:
-        of_problem = [outcome for outcome in outcomes if outcome.problem == problem]
+        of_problem = [outcome for outcome in outcomes if outcome.problem.name == problem.name]
         if of_problem:
             figure = folder / f"{problem.name.replace('/', '-')}.svg"
-            _draw(problem, of_problem, figure)
+            _draw(of_problem[0].problem, of_problem, figure)
             files.append(figure)
-            parts.append(f"## {problem.name}\n\n{_table(problem, of_problem)}\n![Curves of {problem.name}]({figure.name})\n")
+            parts.append(
+                f"## {problem.name}\n\n{_table(of_problem[0].problem, of_problem)}\n![Curves of {problem.name}]({figure.name})\n"
+            )
     files.append(folder / REPORT_FILE)
     files[-1].write_text("\n".join(parts))
     return files

@@ -38,9 +38,14 @@ def missing(folder: Path, trainings: Sequence[Training]) -> list[Training]:
 
 
 def run(
-    folder: Path, trainings: Sequence[Training], jobs: int, done: Callable[[Training], None], binary: str | None = None
+    folder: Path,
+    trainings: Sequence[Training],
+    jobs: int,
+    done: Callable[[Training], None],
+    binary: str | None = None,
+    budget: int | None = None,
 ) -> None:
-    """Runs trainings, each in a process and on a core of its own.
+    """Runs trainings, each in a process and on a core of its own; `budget` replaces that of the protocol for a trial.
 
     A training that was interrupted begins anew; its seed decides its scenarios and weights.
 
@@ -52,12 +57,12 @@ def run(
         held_out.load(folder / "held-out", task)
     if jobs == 1:
         for each in trainings:
-            training.run(folder, each, binary)
+            training.run(folder, each, binary, budget)
             done(each)
         return
     context = multiprocessing.get_context("spawn")  # a learner's threads do not survive a fork
     with ProcessPoolExecutor(jobs, mp_context=context, initializer=_use_one_core) as pool:
-        futures = {pool.submit(training.run, folder, each, binary): each for each in trainings}
+        futures = {pool.submit(training.run, folder, each, binary, budget): each for each in trainings}
         try:
             for future in as_completed(futures):
                 future.result()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +72,7 @@ def read(folder: Path) -> list[Outcome]:
 
 def _outcome(row: dict[str, Any]) -> Outcome:
     problem = find_problem(row["problem"])
+    problem = replace(problem, budget=row.get("budget", problem.budget))
     return Outcome(
         Training(row["problem"], row["arm"], row["seed"]),
         problem,

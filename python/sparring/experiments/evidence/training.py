@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,13 +32,20 @@ class Training:
         return folder / "trainings" / self.problem.replace("/", "-") / f"{self.arm}-{self.seed}.json"
 
 
-def run(folder: Path, training: Training, binary: str | None = None) -> None:
+def run(folder: Path, training: Training, binary: str | None = None, budget: int | None = None) -> None:
     """Runs a training from its beginning, on a server of its own.
+
+    Args:
+        folder: Folder of the results.
+        training: The training.
+        binary: Program of the server.
+        budget: Budget of a trial, in place of the protocol's.
 
     Raises:
         CurriculumError: The server fails.
     """
     problem, arm = find_problem(training.problem), find_arm(training.arm)
+    problem = replace(problem, budget=budget or problem.budget)
     scenarios = held_out_scenarios.load(folder / "held-out", problem.task)
     started = time.monotonic()
     settings = arm.run_settings(problem.task, training.seed)
@@ -51,6 +58,7 @@ def run(folder: Path, training: Training, binary: str | None = None) -> None:
         "problem": training.problem,
         "arm": training.arm,
         "seed": training.seed,
+        "budget": problem.budget,
         "curve": monitor.curve,
         "final": {
             "success": final.mean("success"),

@@ -1,0 +1,133 @@
+"""The evidence runs: statistics against closed forms, and a small version in which only the curriculum learns."""
+
+import csv
+import dataclasses
+import json
+import pathlib
+
+import numpy as np
+import pytest
+from conftest import BINARY, needs_server
+
+pytest.importorskip("torch")
+pytest.importorskip("scipy")
+
+import sparring
+from sparring.experiments import ppo
+from sparring.experiments.evidence import cli, held_out, protocol, runner, statistics
+from sparring.experiments.evidence.statistics import Outcome
+from sparring.experiments.evidence.training import Training
+
+TASK = "docking/single"
+REPOSITORY = pathlib.Path(__file__).parents[3]
+
+
+def outcome(seed, values, arm="auto", budget=1000):
+    problem = dataclasses.replace(protocol.find_problem(TASK), budget=budget)
+    steps = np.linspace(0.0, budget, len(values))
+    final = {"success": values[-1], "skill": values[-1], "worst_tenth": 0.0}
+    return Outcome(Training(TASK, arm, seed), problem, steps, np.array(values), final, None)
+
+
+def test_threshold_needs_two_evaluations():
+    assert outcome(1, [0.0, 0.9, 0.1, 0.6, 0.8]).steps_to(0.7) == 750.0
+    assert outcome(1, [0.0, 0.8, 0.1, 0.2, 0.3]).steps_to(0.7) is None
+    assert outcome(1, [0.0, 0.8, 0.1, 0.2, 0.3]).steps_or_budget(0.7) == 1000.0
+    assert outcome(1, [0.0, 1.0, 0.0]).area() == pytest.approx(0.5)
+
+
+def test_ratio_pairs_seeds_and_counts_misses_as_the_budget():
+    fast = [outcome(seed, [0.0, 1.0, 1.0, 1.0, 1.0]) for seed in (1, 2, 3)]
+    slow = [outcome(seed, [0.0, 0.0, 0.0, 0.0, 0.0]) for seed in (3, 2, 1, 9)]
+    # The first two evaluations have a mean of 0.5, and the baseline never reaches it.
+    assert statistics.ratio_of_steps(fast, slow, 0.6).mean == pytest.approx(1000 / 250)
+    area = statistics.relative_area(fast[:2], [outcome(1, [0.5] * 5), outcome(2, [0.25] * 5)])
+    assert area.mean == pytest.approx((0.875 * 2 - 0.75) / 0.75)
+    interval = statistics.mean([1.0, 2.0, 3.0, 4.0])
+    assert interval.low < 2.5 == interval.mean < interval.high
+
+
+def test_worst_tenth_is_ranked_by_other_episodes():
+    skill = np.zeros((8, 20))
+    skill[::2, :2] = -1.0  # the ranking episodes of two scenarios are bad by chance
+    measured = held_out.Measured(skill > 0.5, skill)
+    assert measured.worst_tenth("skill") == 0.0
+    skill[1::2, :2] = -0.5
+    assert held_out.Measured(skill > 0.5, skill).worst_tenth("skill") == -0.5
+
+
+def test_ramp_climbs_all_rungs_before_three_quarters():
+    scales = [protocol.ramp(TASK, share) for share in (0.0, 0.375, 0.74, 0.75, 1.0)]
+    column = scales[0]["columns"].index("start_scale")
+    assert [table["rows"][0][column] for table in scales] == pytest.approx([0.01, 0.1166, 1.0, 1.0, 1.0], rel=0.01)
+    assert all(len(table["rows"]) == 10 for table in scales)
+    levels = [protocol.ramp("kessler/survival", share)["rows"] for share in (0.0, 0.4, 0.8)]
+    assert [len(rows) for rows in levels] == [1, 1, 10]
+
+
+def test_planned_trainings_begin_with_the_claims():
+    trainings = runner.planned()
+    assert len(trainings) == len(protocol.PROBLEMS) * (3 * 10 + (len(protocol.ARMS) - 3) * 5)
+    assert {each.arm for each in trainings[: len(protocol.PROBLEMS) * 30]} == set(protocol.CLAIMED)
+    assert len(runner.planned([TASK], ["auto"], [101, 102])) == 2
+
+
+def test_protocol_page_has_the_numbers_of_the_code():
+    page = (REPOSITORY / "docs/reference/evidence-protocol.md").read_text()
+    for problem in protocol.PROBLEMS:
+        row = next(line for line in page.splitlines() if line.startswith(f"| `{problem.name}`"))
+        thresholds = ", ".join(f"{threshold:g}" if threshold else "0.0" for threshold in problem.thresholds)
+        assert f"| {problem.budget:,}".replace(",", " ") + f" | {problem.measure} | {thresholds} |" in row
+    assert all(f"`{arm.name}`" in page for arm in protocol.ARMS)
+
+
+def test_invalid_option_is_reported_in_one_line(tmp_path, capsys):
+    for options in (
+        ("--problems", "none"),
+        ("--arms", "none"),
+        ("--seeds", "7"),
+        ("--seeds", "x"),
+        ("--jobs", "0"),
+        ("--budget", "0"),
+        ("--report",),
+    ):
+        assert cli.main(["--out", str(tmp_path), *options]) == 2
+        error = capsys.readouterr().err
+        assert len(error.splitlines()) == 1
+        assert error.startswith("--out" if options[0] == "--report" else options[0])
+
+
+def test_held_out_flights_are_those_of_single_environments(tmp_path):
+    scenarios = held_out.load(tmp_path, "docking/multiagent", 10, 1)
+    assert held_out.load(tmp_path, "docking/multiagent", 10, 1).scenarios == scenarios.scenarios
+    assert [row["level"] for row in json.loads((tmp_path / "docking-multiagent.json").read_text())] == list(range(10))
+    config = ppo.Config.tuned("docking/multiagent")
+    envs = sparring.make_vec("docking/multiagent", 1, **ppo.environment_settings(config))
+    policy = ppo.Policy(envs.single_observation_space.shape[-1], 13, config)
+    policy.sample = policy.act  # most likely actions do not depend on the order of flights
+    measured = held_out.measure(policy, scenarios, 1, 1)
+    for number, scenario in enumerate(scenarios.scenarios):
+        single = sparring.make_vec("docking/multiagent", 1, autoreset_mode="disabled", params=scenario.params,
+                                   **ppo.environment_settings(config))  # fmt: skip
+        observations, over = single.reset(options={"scenario": scenario})[0], False
+        while not over:
+            observations, _, terminations, truncations, infos = single.step(policy.act(observations), repeat=5)
+            over = bool(terminations[0] or truncations[0])
+        score = infos["episode"]["r"][0]
+        gap = scenarios.references[number] - scenarios.floors[number]
+        assert measured.skill[0, number] == pytest.approx(np.clip((score - scenarios.floors[number]) / gap, -1, 1), abs=1e-6)
+
+
+@needs_server
+def test_only_the_curriculum_learns_from_success_alone(tmp_path):
+    options = ["--problems", "docking/single-success", "--arms", "uniform-levels,auto", "--seeds", "101,102,103"]
+    options += ["--budget", "600000", "--jobs", "2", "--binary", BINARY, "--out", str(tmp_path)]
+    assert cli.main(options) == 0
+    with (tmp_path / "trainings.csv").open() as file:
+        success = {(row["arm"], row["seed"]): float(row["success"]) for row in csv.DictReader(file)}
+    assert len(success) == 6
+    for seed in ("101", "102", "103"):
+        assert success["uniform-levels", seed] < 0.05 < 0.2 < success["auto", seed]
+    assert "| auto | 3 |" in (tmp_path / "report.md").read_text()
+    assert (tmp_path / "docking-single-success.svg").stat().st_size > 10_000
+    assert runner.missing(tmp_path, runner.planned(["docking/single-success"], ["auto"], [101])) == []
