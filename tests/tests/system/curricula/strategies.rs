@@ -67,7 +67,7 @@ async fn every_strategy_proposes_the_same_after_a_restart() {
 async fn accel_replays_and_edits_earlier_scenarios() {
     let server = Server::start().await;
     let api = server.api();
-    create(&api, "accel", json!({"filled": 8, "replay": 0.7})).await;
+    create(&api, "accel", json!({"filled": 8, "replay": 0.7, "score": "regret"})).await;
     let leased = train(&api, "accel", 22).await;
     let mut seen = BTreeSet::new();
     let mut edits = 0;
