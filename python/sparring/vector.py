@@ -363,9 +363,7 @@ def make_vec(
     Raises:
         ValueError: A value is unknown or out of range; the message names the field.
 
-    >>> envs = make_vec("kessler/survival", 4, level=3)
-    >>> observations, _ = envs.reset(seed=7)
-    >>> observations.shape
+    >>> make_vec("kessler/survival", 4, level=3).reset(seed=7)[0].shape
     (4, 3, 72)
     """
     mode = _read_autoreset_mode(autoreset_mode)

@@ -234,7 +234,7 @@ def test_reset_mask_may_be_a_view():
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_repeated_actions_equal_single_steps_until_an_episode_ends(task, mode):
+def test_repeated_actions_equal_single_steps_until_the_end(task, mode):
     settings = {"params": short_episode_params(task), "autoreset_mode": mode, "actions": "few"}
     together = sparring.make_vec(task, 4, **settings)
     alone = [sparring.make_vec(task, 1, **settings) for _ in range(4)]

@@ -234,7 +234,7 @@ struct LoadedProposal {
 }
 
 impl PrepareJob {
-    /// Adds a proposal.
+    /// Loads a proposal and adds it.
     async fn load(&mut self, conn: &mut SqliteConnection, waiting: UnpreparedProposal) {
         match LoadedProposal::load(conn, &waiting).await {
             Ok(loaded) => self.loaded.push(loaded),

@@ -107,7 +107,7 @@ class Flights:
         self.envs = sparring.make_vec(task, envs, autoreset_mode="disabled", threads=1, **settings)
 
     def run(self) -> None:
-        """Flies all scenarios."""
+        """Flies all scenarios once."""
         count = self.envs.num_envs
         current, following = np.arange(count), count
         observations = self._reset(current, np.ones(count, np.bool_))
