@@ -43,6 +43,8 @@ def test_ratio_pairs_seeds_and_counts_misses_as_the_budget():
     assert statistics.ratio_of_steps(fast, slow, 0.6).mean == pytest.approx(1000 / 250)
     area = statistics.relative_area(fast[:2], [outcome(1, [0.5] * 5), outcome(2, [0.25] * 5)])
     assert area.mean == pytest.approx((0.875 * 2 - 0.75) / 0.75)
+    assert statistics.relative_area(fast, [outcome(1, [0.0] * 5)]) is None
+    assert statistics.ratio_of_steps(fast, [outcome(9, [0.0] * 5)], 0.6) is None
     interval = statistics.mean([1.0, 2.0, 3.0, 4.0])
     assert interval.low < 2.5 == interval.mean < interval.high
 

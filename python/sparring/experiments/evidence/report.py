@@ -63,11 +63,11 @@ def _row(problem: Problem, arm: Sequence[Outcome], baseline: Sequence[Outcome]) 
         str(len(arm)),
         " ".join(_thousands(outcome.steps_to(first)) for outcome in arm),
         _thousands(float(np.mean([outcome.steps_or_budget(first) for outcome in arm]))),
-        _format(ratio_of_steps(arm, baseline, first)) if baseline else "–",
+        _format(ratio_of_steps(arm, baseline, first)),
         _thousands(float(np.mean([outcome.steps_or_budget(second) for outcome in arm]))),
-        _format(ratio_of_steps(arm, baseline, second)) if baseline else "–",
+        _format(ratio_of_steps(arm, baseline, second)),
         f"{mean([outcome.area() for outcome in arm]).mean:.3f}",
-        _format(relative_area(arm, baseline), "+.1%") if baseline else "–",
+        _format(relative_area(arm, baseline), "+.1%"),
         _format(mean([outcome.final[problem.measure] for outcome in arm]), ".3f"),
         f"{mean([outcome.final['worst_tenth'] for outcome in arm]).mean:.3f}",
         f"{float(np.mean(zero_variance)):.2f}" if zero_variance else "–",
@@ -78,8 +78,8 @@ def _thousands(steps: float | None) -> str:
     return "–" if steps is None else f"{steps / 1000:.0f}"
 
 
-def _format(interval: Interval, form: str = ".2f") -> str:
-    return f"{interval.mean:{form}} [{interval.low:{form}}, {interval.high:{form}}]"
+def _format(interval: Interval | None, form: str = ".2f") -> str:
+    return "–" if interval is None else f"{interval.mean:{form}} [{interval.low:{form}}, {interval.high:{form}}]"
 
 
 def _write_csv(file: Path, head: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:

@@ -90,21 +90,29 @@ def pairs(arm: Sequence[Outcome], baseline: Sequence[Outcome]) -> tuple[list[Out
     return shared, [by_seed[outcome.training.seed] for outcome in shared]
 
 
-def ratio_of_steps(arm: Sequence[Outcome], baseline: Sequence[Outcome], threshold: float) -> Interval:
+def ratio_of_steps(arm: Sequence[Outcome], baseline: Sequence[Outcome], threshold: float) -> Interval | None:
     """Returns how many times as many steps the baseline needs as the arm: the ratio of the mean steps over seeds.
 
     A training that does not reach the threshold counts as its budget. If only the baseline misses it, the ratio is a lower bound.
+    None if the arms have no seed in common.
     """
     arm, baseline = pairs(arm, baseline)
+    if not arm:
+        return None
     slow = np.array([outcome.steps_or_budget(threshold) for outcome in baseline])
     fast = np.array([outcome.steps_or_budget(threshold) for outcome in arm])
     return _bootstrap(lambda slow, fast, axis=-1: slow.mean(axis) / fast.mean(axis), slow, fast)
 
 
-def relative_area(arm: Sequence[Outcome], baseline: Sequence[Outcome]) -> Interval:
-    """Returns by which part of the baseline's area the area of the arm is larger; negative for a loss."""
+def relative_area(arm: Sequence[Outcome], baseline: Sequence[Outcome]) -> Interval | None:
+    """Returns by which part of the baseline's area the area of the arm is larger; negative for a loss.
+
+    None if the arms have no seed in common, or an area of the baseline is zero: its learner has learned nothing.
+    """
     arm, baseline = pairs(arm, baseline)
     own, other = (np.array([outcome.area() for outcome in outcomes]) for outcomes in (arm, baseline))
+    if not arm or not other.all():
+        return None
     return _bootstrap(lambda own, other, axis=-1: (own - other).mean(axis) / np.abs(other.mean(axis)), own, other)
 
 
