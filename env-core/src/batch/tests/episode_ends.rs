@@ -118,3 +118,34 @@ fn slot_without_scenario_is_idle() {
         }
     }
 }
+
+/// Environments outside the mask of a step do not change, nor do their rows.
+#[test]
+fn masked_environments_wait() {
+    for task in crate::tasks() {
+        let recipe = Arc::new(Recipe::new(task).unwrap());
+        let (mut all, mut some) = (
+            TestBatch::new(&recipe, 3, Autoreset::SameStep),
+            TestBatch::new(&recipe, 3, Autoreset::SameStep),
+        );
+        let width = all.width();
+        for step in 0..6 {
+            let actions: Vec<f32> = (0..3).flat_map(|slot| action(task, slot, step, width)).collect();
+            all.step(&actions).unwrap();
+            let before = some.buffers.clone();
+            for mask in [[true, false, true], [false, true, false]] {
+                let waiting = some.batch.state_hash(usize::from(mask[0]));
+                some.batch.step_some(&actions, Some(&mask), some.buffers.output()).unwrap();
+                assert_eq!(some.batch.state_hash(usize::from(mask[0])), waiting, "{}", task.id());
+                if mask[0] {
+                    assert_eq!(some.buffers.team_rewards[1].to_bits(), before.team_rewards[1].to_bits());
+                }
+            }
+            assert_eq!(all.buffers.observations, some.buffers.observations, "{} step {step}", task.id());
+            assert_eq!(all.buffers.team_rewards, some.buffers.team_rewards);
+        }
+        let actions = vec![task.action_space().hold; 3 * width];
+        let wrong = some.batch.step_some(&actions, Some(&[true]), some.buffers.output());
+        assert_eq!(wrong, Err(BatchError::Size { buffer: "mask", found: 1, wanted: 3 }));
+    }
+}
