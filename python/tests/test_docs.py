@@ -70,6 +70,9 @@ COMMAND_TESTS = {
     ("docs/reference/evidence-protocol.md", "python -m sparring.experiments evidence"): (
         "python/tests/trainers/test_evidence.py::test_only_the_curriculum_learns_from_success_alone"
     ),
+    ("docs/reference/evidence-results.md", "python -m sparring.experiments evidence"): (
+        "python/tests/trainers/test_evidence.py::test_only_the_curriculum_learns_from_success_alone"
+    ),
     ("docs/reference/feed.md", "python examples/"): PRINTED_EXAMPLE,
     ("docs/reference/openenv.md", "python examples/grpo_openenv.py"): (
         "python/tests/heavy/test_printed.py::test_printed_openenv_command_trains"
