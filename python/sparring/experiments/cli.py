@@ -17,8 +17,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from ..curriculum import CurriculumError
 from ..tasks import have_equal_agents
+from .command_line import run_command
 from .experiment import DESIGNS, STRATEGIES, TARGET, Experiment, ExperimentError, Training, record, split_list
 
 
@@ -28,16 +28,7 @@ def main(arguments: list[str] | None = None) -> int:
     Returns:
         Exit status: 2 after an error, 130 after Ctrl-C.
     """
-    args = _parser().parse_args(arguments)
-    try:
-        _run(args)
-    except (ExperimentError, CurriculumError, OSError) as error:
-        print(error, file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("\nStopped. The same command continues the experiment.", file=sys.stderr)
-        return 130
-    return 0
+    return run_command(_parser(), _run, arguments)
 
 
 def _parser() -> argparse.ArgumentParser:

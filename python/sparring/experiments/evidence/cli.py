@@ -11,10 +11,9 @@ one begins anew. `docs/reference/evidence-protocol.md` says what is run and meas
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
-from ...curriculum import CurriculumError
+from ..command_line import run_command
 from ..experiment import ExperimentError, split_list
 from .protocol import ARMS, PROBLEMS, SEEDS, find_arm, find_problem
 
@@ -25,22 +24,14 @@ def main(arguments: list[str] | None = None) -> int:
     Returns:
         Exit status: 2 after an error, 130 after Ctrl-C.
     """
-    args = _parser().parse_args(arguments)
-    try:
-        _run(args)
-    except (ExperimentError, CurriculumError, OSError) as error:
-        print(error, file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("\nStopped. The same command continues the trainings.", file=sys.stderr)
-        return 130
-    return 0
+    return run_command(_parser(), _run, arguments)
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m sparring.experiments evidence",
         description=__doc__,
+        epilog="arms:\n" + "\n".join(f"  {arm.name:22}{arm.description}" for arm in ARMS),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--out", type=Path, required=True, help="folder of the results; existing results are kept")

@@ -62,6 +62,7 @@ def _draw(task: str, scenarios: int, first_seed: int) -> list[dict[str, Any]]:
 class Measured:
     """Results of a policy, episodes × scenarios."""
 
+    #: In docking, true if all deputies docked; in other worlds, if no agent was lost.
     success: npt.NDArray[np.bool_]
     skill: npt.NDArray[np.float64]
 

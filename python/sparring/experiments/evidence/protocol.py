@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import sparring
 
@@ -76,8 +76,6 @@ class Arm:
     group_size: int = 1
     #: Returns the level table for a share of the budget that is used up, 0 to 1; None if the table does not change.
     levels: Callable[[str, float], dict[str, Any]] | None = None
-    #: Settings of designed layouts.
-    design: dict[str, Any] = field(default_factory=lambda: {"designer": "off"})
 
     def run_settings(self, task: str, seed: int) -> dict[str, Any]:
         """Returns the settings of a run, for `POST /v1/runs`."""
@@ -88,11 +86,14 @@ class Arm:
             "group_size": self.group_size,
             "strategy": self.strategy,
             "strategy_settings": self.hyperparameters,
-            "design": self.design,
+            "design": {"designer": "off"},
         }
         if self.levels is not None:
             settings["task_settings"] = {task: {"levels": self.levels(task, 0.0)}}
         return settings
+
+
+Named = TypeVar("Named", Problem, Arm)
 
 
 def level_table(task: str, start_scale: float = 1.0) -> dict[str, Any]:
@@ -120,6 +121,7 @@ def _scaled(task: str, start_scale: float) -> dict[str, float]:
     return {"start_scale": start_scale} if sparring.task(task).start_rungs else {}
 
 
+#: All arms. No arm has designed layouts.
 ARMS = (
     Arm(BASELINE, "uniform", "all levels are equally likely"),
     Arm("uniform-rungs", "bandit", "all rungs are equally likely", {"uniform": 1.0}),
@@ -148,10 +150,7 @@ def find_problem(name: str) -> Problem:
     Raises:
         ExperimentError: There is none.
     """
-    for problem in PROBLEMS:
-        if problem.name == name:
-            return problem
-    raise ExperimentError(f"--problems must be among {', '.join(each.name for each in PROBLEMS)}, got {name!r}")
+    return _find(PROBLEMS, name, "--problems")
 
 
 def find_arm(name: str) -> Arm:
@@ -160,7 +159,11 @@ def find_arm(name: str) -> Arm:
     Raises:
         ExperimentError: There is none.
     """
-    for arm in ARMS:
-        if arm.name == name:
-            return arm
-    raise ExperimentError(f"--arms must be among {', '.join(each.name for each in ARMS)}, got {name!r}")
+    return _find(ARMS, name, "--arms")
+
+
+def _find(known: Sequence[Named], name: str, option: str) -> Named:
+    for each in known:
+        if each.name == name:
+            return each
+    raise ExperimentError(f"{option} must be among {', '.join(each.name for each in known)}, got {name!r}")
