@@ -43,6 +43,11 @@ impl NativeBatch {
         buffers: &mut StepBuffers<'_>,
     ) -> Result<bool, StepError> {
         let state = &mut *lock_detached(&self.state);
+        if let Some(curriculum) = &self.curriculum {
+            // An environment begins at most one episode in a step, however often the actions are repeated.
+            let assigner = state.assigner.as_mut().ok_or_else(closed)?;
+            curriculum.assign(assigner, BatchCall::Step).map_err(StepError::Curriculum)?;
+        }
         let mut repeated = RepeatedStep::new(self.shape, self.config.autoreset);
         let mut result = Ok(());
         for _ in 0..repeat {
@@ -55,6 +60,7 @@ impl NativeBatch {
         result.map(|()| state.finish_step(repeated, buffers.rewards))
     }
 
+    /// Steps the environments that still take part in a repeated step.
     fn step_once(
         &self,
         state: &mut BatchState,
@@ -62,10 +68,6 @@ impl NativeBatch {
         repeated: &mut RepeatedStep,
         buffers: &mut StepBuffers<'_>,
     ) -> Result<(), StepError> {
-        if let Some(curriculum) = &self.curriculum {
-            let assigner = state.assigner.as_mut().ok_or_else(closed)?;
-            curriculum.assign(assigner, BatchCall::Step).map_err(StepError::Curriculum)?;
-        }
         let mask = repeated.mask().map(<[bool]>::to_vec);
         self.step_threads
             .run(|| state.step(actions, repeated, buffers, self.shape))
