@@ -61,8 +61,9 @@ const fn metadata(
     params: &'static [ParamSpec],
     options: &'static [OptionSpec],
     levels: &'static LazyLock<Levels>,
+    start_rungs: &'static [f64],
 ) -> TaskMetadata {
-    TaskMetadata { id, world: WORLD_ID, description, params, options, levels, start_rungs: &[] }
+    TaskMetadata { id, world: WORLD_ID, description, params, options, levels, start_rungs }
 }
 
 /// The tasks of tasking.
@@ -74,6 +75,7 @@ pub static TASKING_TASKS: [TaskingTask; 3] = [
             &spaces::SCANNING_SPACE,
             &spaces::SCANNING_OPTIONS,
             &spaces::SCANNING_LEVELS,
+            &spaces::SCANNING_START_RUNGS,
         ),
         actions: spaces::SCANNING_ACTIONS,
     },
@@ -84,6 +86,7 @@ pub static TASKING_TASKS: [TaskingTask; 3] = [
             &spaces::IMAGING_SPACE,
             &spaces::IMAGING_OPTIONS,
             &spaces::IMAGING_LEVELS,
+            &spaces::IMAGING_START_RUNGS,
         ),
         actions: spaces::IMAGING_ACTIONS,
     },
@@ -94,6 +97,7 @@ pub static TASKING_TASKS: [TaskingTask; 3] = [
             &spaces::CONSTELLATION_SPACE,
             &spaces::CONSTELLATION_OPTIONS,
             &spaces::CONSTELLATION_LEVELS,
+            &spaces::IMAGING_START_RUNGS,
         ),
         actions: spaces::IMAGING_ACTIONS,
     },

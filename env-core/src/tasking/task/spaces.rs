@@ -81,6 +81,16 @@ const CHARGE_MAX: ParamSpec = param(
 );
 const PANEL: ParamSpec =
     param("panel_m2", "m²", [0.01, 5.0, 0.01], 0.25, Harder::Down, "area of the solar panel");
+/// Factor of what makes a start hard.
+const START_SCALE: ParamSpec = ParamSpec {
+    description: "factor of the time limit, of the charge that is missing at the start, and in scanning of the data and the wheel \
+                  speeds at the start",
+    ..crate::space::START_SCALE
+};
+/// Start rungs of `tasking/scanning`, in equal ratios. In shorter episodes scanning all the time is as good as planning.
+pub(super) static SCANNING_START_RUNGS: [f64; 6] = [0.45, 0.5279, 0.6193, 0.7266, 0.8524, 1.0];
+/// Start rungs of the tasks with targets, in equal ratios.
+pub(super) static IMAGING_START_RUNGS: [f64; 8] = [0.1, 0.1389, 0.1931, 0.2683, 0.3728, 0.5179, 0.7197, 1.0];
 const SCANNING_TIME: ParamSpec = whole(
     "time_limit_s",
     "s",
@@ -99,7 +109,7 @@ const STATIONS: ParamSpec = whole(
 );
 
 /// Parameter space of `tasking/scanning`.
-pub(super) static SCANNING_SPACE: [ParamSpec; 10] = [
+pub(super) static SCANNING_SPACE: [ParamSpec; 11] = [
     BATTERY,
     CHARGE_MIN,
     CHARGE_MAX,
@@ -131,6 +141,7 @@ pub(super) static SCANNING_SPACE: [ParamSpec; 10] = [
     ),
     STATIONS,
     SCANNING_TIME,
+    START_SCALE,
 ];
 
 const TARGETS: ParamSpec = whole(
@@ -181,7 +192,7 @@ const fn imaging_time(default: f64) -> ParamSpec {
 }
 
 /// Parameter space of `tasking/imaging`.
-pub(super) static IMAGING_SPACE: [ParamSpec; 11] = [
+pub(super) static IMAGING_SPACE: [ParamSpec; 12] = [
     TARGETS,
     PRIORITY_POWER,
     OMEGA_MAX,
@@ -193,10 +204,11 @@ pub(super) static IMAGING_SPACE: [ParamSpec; 11] = [
     PANEL,
     STORAGE_IMAGES,
     imaging_time(17_100.0),
+    START_SCALE,
 ];
 
 /// Parameter space of `tasking/constellation`.
-pub(super) static CONSTELLATION_SPACE: [ParamSpec; 14] = [
+pub(super) static CONSTELLATION_SPACE: [ParamSpec; 15] = [
     whole(
         "satellites",
         "",
@@ -232,6 +244,7 @@ pub(super) static CONSTELLATION_SPACE: [ParamSpec; 14] = [
     PANEL,
     STORAGE_IMAGES,
     imaging_time(11_400.0),
+    START_SCALE,
 ];
 
 const GRAVITY: OptionSpec = OptionSpec {

@@ -2,6 +2,7 @@
 
 use crate::episode_rng::SeededRng;
 use crate::error::ScenarioError;
+use crate::space::START_SCALE;
 use crate::task::Recipe;
 use crate::tasking::environments::{ConstellationParams, ImagingParams, ScanningParams, TaskingEnvironment};
 use crate::tasking::orbit::GravityModel;
@@ -13,6 +14,8 @@ use crate::text::{MAX_QUOTED_CHARS, shorten};
 pub(super) const MAX_SATELLITES: usize = 8;
 /// Metres of a kilometre.
 const M_PER_KM: f64 = 1000.0;
+/// Shortest time limit of an episode with a scaled start, s.
+const MIN_SCALED_TIME_S: f64 = 600.0;
 
 /// Settings of an episode, read from a recipe.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -96,6 +99,24 @@ impl Params<'_> {
         self.get(name) as u32
     }
 
+    /// Factor by which the start is easier, at most 1.
+    fn start_scale(&self) -> f64 {
+        self.0.param(START_SCALE.name).unwrap_or(START_SCALE.default)
+    }
+
+    /// Time limit of the episode, s: a scaled start has its share of the recipe's, in whole seconds.
+    fn time_limit_s(&self) -> f64 {
+        let limit = self.get("time_limit_s");
+        limit.min(libm::ceil(limit * self.start_scale()).max(MIN_SCALED_TIME_S))
+    }
+
+    /// Bound of the initial charge: a scaled start has its share of what a full battery has more.
+    fn charge(&self, name: &str) -> f64 {
+        let (bound, scale) = (self.get(name), self.start_scale());
+        // A scale of 1 keeps every bit.
+        if scale < 1.0 { 1.0 - scale * (1.0 - bound) } else { bound }
+    }
+
     fn environment(&self) -> TaskingEnvironment {
         match self.0.task().id() {
             "tasking/scanning" => TaskingEnvironment::Scanning(self.scanning()),
@@ -107,15 +128,15 @@ impl Params<'_> {
     fn scanning(&self) -> ScanningParams {
         ScanningParams {
             battery_wh: self.get("battery_wh"),
-            charge_min: self.get("charge_min"),
-            charge_max: self.get("charge_max"),
+            charge_min: self.charge("charge_min"),
+            charge_max: self.charge("charge_max"),
             panel_m2: self.get("panel_m2"),
             storage_gbit: self.get("storage_gbit"),
-            storage_fill: self.get("storage_fill"),
-            wheel_rpm: self.get("wheel_rpm"),
+            storage_fill: self.get("storage_fill") * self.start_scale(),
+            wheel_rpm: self.get("wheel_rpm") * self.start_scale(),
             disturbance_mnm: self.get("disturbance_mnm"),
             stations: self.whole("stations"),
-            time_limit_s: self.get("time_limit_s"),
+            time_limit_s: self.time_limit_s(),
         }
     }
 
@@ -128,11 +149,11 @@ impl Params<'_> {
             u_max_n_m: self.get("u_max_n_m"),
             attitude_error: self.get("attitude_error"),
             battery_wh: self.get("battery_wh"),
-            charge_min: self.get("charge_min"),
-            charge_max: self.get("charge_max"),
+            charge_min: self.charge("charge_min"),
+            charge_max: self.charge("charge_max"),
             panel_m2: self.get("panel_m2"),
             storage_images: self.whole("storage_images"),
-            time_limit_s: self.get("time_limit_s"),
+            time_limit_s: self.time_limit_s(),
         }
     }
 

@@ -5,6 +5,7 @@ mod lanes;
 mod laws;
 mod recordings;
 mod samples;
+mod start_rungs;
 mod validate_bsk_episodes;
 mod validate_bsk_orbit;
 mod validate_bsk_sky;
