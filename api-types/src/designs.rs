@@ -131,6 +131,8 @@ pub struct DesignSummary {
     pub task: String,
     /// Level that the design is for; null under a strategy without levels.
     pub level: Option<i64>,
+    /// Start rung that the design is for; null if the rungs of the task are its levels.
+    pub start_rung: Option<i64>,
     /// Name that the designer gave it.
     pub name: String,
     /// Id of the design request.
@@ -270,6 +272,12 @@ pub struct DesignStatistics {
     pub designed_groups: i64,
     /// designed_groups / train_groups; null before the first group.
     pub share: Option<f64>,
+    /// Probability that the next training group is designed, if a layout suits it, from 0 to the setting `share`.
+    pub next_share: f64,
+    /// Learning signal of designed groups.
+    pub designed_signal: LearningSignal,
+    /// Learning signal of the other groups.
+    pub ordinary_signal: LearningSignal,
     /// Numbers of designs by task.
     pub tasks: Vec<TaskDesigns>,
     /// Requests and cost by designer.
@@ -277,6 +285,18 @@ pub struct DesignStatistics {
     /// Health of the language model; null if none is configured.
     #[schema(value_type = Option<Object>)]
     pub llm: Option<Value>,
+}
+
+/// Learning signal of groups of one kind: the variance of success within a group, averaged over groups. The latest groups weigh
+/// most, and without groups it is a prior.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct LearningSignal {
+    /// Number of groups, which fade: a group counts half after 256 groups of the run.
+    pub groups: f64,
+    /// Mean variance, 0 to 0.5.
+    pub mean: f64,
+    /// Standard error of the mean.
+    pub standard_error: f64,
 }
 
 /// Numbers of designs of a task.

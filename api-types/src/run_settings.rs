@@ -21,8 +21,8 @@ pub struct RunRequest {
     #[schema(minimum = 0, maximum = 2_251_799_813_685_247u64)]
     #[serde(default, deserialize_with = "crate::integers::optional_seed")]
     pub seed: Option<u64>,
-    /// Strategy that chooses the scenarios (default `ladder`).
-    #[schema(value_type = Option<String>, example = "ladder")]
+    /// Strategy that chooses the scenarios (default `auto`).
+    #[schema(value_type = Option<String>, example = "auto")]
     pub strategy: Option<StrategyKind>,
     /// Settings of the strategy, by name; the others have their defaults. `GET /v1/strategies` lists them.
     #[schema(schema_with = crate::strategy_settings_schema)]
@@ -168,10 +168,13 @@ pub enum SuccessSetting {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DesignSettingsRequest {
-    /// Share of training groups that are designed, from 0 to 1 (default 0.3), once there are failures and the task's placement
-    /// is done. 0 turns designs off.
+    /// Largest share of training groups that are designed, from 0 to 1 (default 0.3), once there are failures and the task's
+    /// placement is done. 0 turns designs off.
     #[schema(minimum = 0.0, maximum = 1.0)]
     pub share: Option<f64>,
+    /// True if the share is always the largest (default false). Otherwise it follows what the agent learns from designed groups,
+    /// compared with the others.
+    pub fixed_share: Option<bool>,
     /// Designer of the layouts (default `auto`).
     pub designer: Option<DesignerChoice>,
     /// Largest share of training groups for one layout, above 0 and at most 1 (default 0.05); four groups are always allowed.

@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use env_core::KeyedRng;
+
 use crate::core::event::CurriculumEvent;
 use crate::core::evidence::level_move::LevelMove;
 use crate::core::explanation::{Explanation, TaskStatus};
@@ -301,6 +303,12 @@ impl Curriculum {
             status.warnings = self.warnings(&status.task);
         }
         tasks
+    }
+
+    /// Rung that the strategy draws for a task; `None` for an unknown task, and under a strategy that samples no rungs. The
+    /// curriculum does not change.
+    pub fn sample_rung(&self, task: &str, rng: &mut KeyedRng) -> Option<u32> {
+        self.strategy.sample_rung(self.settings.task(task)?, &self.settings, rng)
     }
 
     /// Problems of a task that the user should know about, one sentence each.

@@ -2,8 +2,9 @@
 //!
 //! # Where does difficulty change?
 //!
-//! In `strategies/`, and nowhere else. Under the default strategy, `strategies/ladder` raises or lowers a task's level;
-//! the thresholds and the test behind a move are in `core/evidence/block.rs`.
+//! In `strategies/`, and nowhere else. Under the default strategy, `strategies/samplers/auto.rs` names the sampler of a task.
+//! `strategies/ladder` raises or lowers a task's level; the thresholds and the test behind a move are in
+//! `core/evidence/block.rs`.
 //!
 //! # Layout
 //!
@@ -34,6 +35,7 @@ mod tests;
 pub use self::core::event::CurriculumEvent;
 pub use self::core::evidence::interval::{EpisodeTally, SuccessInterval};
 pub use self::core::evidence::level_move::{BlockSummary, LevelMove, MoveEvidence, MoveKind, ProbeSummary};
+pub use self::core::evidence::posterior::Posterior;
 pub use self::core::explanation::{BlockProgress, Explanation, MoveThresholds, TaskExplanation, TaskStatus};
 pub use self::core::mastery::{Mastery, StoredMastery};
 pub use self::core::outcome::{GroupOutcome, LearningSignals};

@@ -17,6 +17,8 @@ pub enum RngPurpose {
     Curriculum,
     /// Layouts of a designer, keyed by (brief seed, layout number).
     Design,
+    /// Places on the rungs that a designer is asked for, keyed by (run seed, number of criticised episodes).
+    DesignPlace,
     /// Selection of a lease's layouts, keyed by (run seed, lease number).
     LayoutSelection,
     /// Simulated learners and their scenarios, keyed by (seed, event number).
@@ -28,6 +30,7 @@ impl RngPurpose {
         match self {
             Self::Curriculum => b"sparring course1",
             Self::Design => b"sparring designs",
+            Self::DesignPlace => b"sparring placing",
             Self::LayoutSelection => b"sparring serving",
             Self::Simulation => b"sparring synthet",
         }

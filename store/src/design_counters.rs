@@ -83,32 +83,6 @@ pub async fn states(conn: &mut SqliteConnection, run: &str) -> Result<Vec<Layout
     .await?)
 }
 
-/// Number of layouts of a task at one level.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct LevelCount {
-    /// Task of the layouts.
-    pub task: String,
-    /// Level of the layouts; none for strategies without levels.
-    pub level: Option<i64>,
-    /// Number of such layouts.
-    pub count: i64,
-}
-
-/// Counts the active layouts of a run, by task and level.
-///
-/// # Errors
-/// Returns [`StoreError::Database`] if the query fails.
-pub async fn active(conn: &mut SqliteConnection, run: &str) -> Result<Vec<LevelCount>, StoreError> {
-    Ok(sqlx::query_as!(
-        LevelCount,
-        r#"SELECT task AS "task!", level AS "level: i64", count(*) AS "count!: i64" FROM layouts
-           WHERE run = ? AND state = 'active' GROUP BY task, level ORDER BY task, level"#,
-        run
-    )
-    .fetch_all(conn)
-    .await?)
-}
-
 /// Groups of a run that were leased for training.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct TrainingGroups {

@@ -52,6 +52,8 @@ pub struct LayoutRow {
     pub task: String,
     /// Level that the layout was designed for; none for strategies without levels.
     pub level: Option<i64>,
+    /// Start rung that the layout was designed for, if the rungs of the task are starts.
+    pub start_rung: Option<i64>,
     /// Name of the designer that made the layout.
     pub designer: String,
     /// Name that is displayed.
@@ -129,6 +131,8 @@ pub struct NewLayout {
     pub task: String,
     /// Level that the layout was designed for.
     pub level: Option<i64>,
+    /// Start rung that the layout was designed for, if the rungs of the task are starts.
+    pub start_rung: Option<i64>,
     /// Name of the designer that made the layout.
     pub designer: String,
     /// Name that is displayed.
@@ -165,14 +169,15 @@ pub struct NewLayout {
 /// Returns [`StoreError::Database`] if the statement fails.
 pub async fn insert(conn: &mut SqliteConnection, new: &NewLayout, now: Millis) -> Result<i64, StoreError> {
     Ok(sqlx::query_scalar!(
-        r#"INSERT INTO layouts (request, run, task, level, designer, name, design, mode, bearing_deg, frame, round, state,
+        r#"INSERT INTO layouts (request, run, task, level, start_rung, designer, name, design, mode, bearing_deg, frame, round, state,
                                 gate_check, refusal_reason, kind, novelty, scenario, training_groups_at_creation,
                                 created_at)
-           VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) RETURNING id AS "id!""#,
+           VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) RETURNING id AS "id!""#,
         new.request,
         new.run,
         new.task,
         new.level,
+        new.start_rung,
         new.designer,
         new.name,
         new.design,
@@ -198,7 +203,7 @@ macro_rules! query_layouts {
     ($rest:literal, $($argument:expr),+ $(,)?) => {
         sqlx::query_as!(
             LayoutRow,
-            r#"SELECT id, request, run, task, level, designer, name, design, mode, bearing_deg, frame, round,
+            r#"SELECT id, request, run, task, level, start_rung, designer, name, design, mode, bearing_deg, frame, round,
                       state AS "state: LayoutState", retirement_reason AS "retirement_reason: RetirementReason", gate_check,
                       refusal_reason, kind AS "kind: LayoutKind", novelty, scenario, training_groups_at_creation, groups,
                       outcomes, episodes, successes, score_sum, regret_sum, failure_episodes, aimed_failure_episodes,

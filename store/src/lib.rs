@@ -42,6 +42,7 @@ pub mod keys;
 pub mod layout_outcomes;
 pub mod layout_transitions;
 pub mod layouts;
+pub mod learning_signals;
 pub mod leases;
 pub mod listed_episodes;
 pub mod llm_spend;

@@ -160,6 +160,7 @@ const DELETIONS: &[Deletion] = &[
         .has_children(),
     Deletion::new(of_run!("design_requests", "id")).weight(4),
     Deletion::new(of_run!("gate_counts", "run, task, verdict")),
+    Deletion::new(of_run!("learning_signals", "run, is_designed")),
     Deletion::new(of_first!("evaluations", "evaluation_scenarios", "evaluation", "evaluation, entry")),
     Deletion::new(first!("evaluations")).has_children(),
     Deletion::new(concat!(of_run!("proposals", "run, seq"), " RETURNING scenario"))

@@ -3,7 +3,6 @@
 use sqlx::{SqliteConnection, query};
 
 use super::StoreError;
-use super::design_counters::LevelCount;
 use super::layouts::LayoutKind;
 use crate::Millis;
 
@@ -16,6 +15,10 @@ pub struct ServableLayout {
     pub task: String,
     /// Level that the layout was designed for; none for strategies without levels.
     pub level: Option<i64>,
+    /// Start rung that the layout was designed for, if the rungs of the task are starts.
+    pub start_rung: Option<i64>,
+    /// Success rates of the last outcomes, oldest first, as JSON.
+    pub recent_success_rates: String,
     /// Claim of the layout about its scenario.
     pub kind: LayoutKind,
     /// Id of the scenario.
@@ -31,7 +34,7 @@ macro_rules! query_servable {
     ($condition:literal, $($argument:expr),+ $(,)?) => {
         sqlx::query_as!(
             ServableLayout,
-            r#"SELECT id, task, level, kind AS "kind!: LayoutKind", scenario AS "scenario!",
+            r#"SELECT id, task, level, start_rung, recent_success_rates, kind AS "kind!: LayoutKind", scenario AS "scenario!",
                       training_groups_at_creation, groups
                FROM layouts WHERE "# + $condition,
             $($argument),+
@@ -52,39 +55,52 @@ pub async fn active(conn: &mut SqliteConnection, run: &str) -> Result<Vec<Servab
     .await?)
 }
 
-/// Counts the mastered and hopeless layouts of a run, by task and level.
+/// Number of mastered and hopeless layouts of a task that were designed for one place on its rungs.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RetiredCount {
+    /// Task of the layouts.
+    pub task: String,
+    /// Level of the layouts; none for strategies without levels.
+    pub level: Option<i64>,
+    /// Start rung of the layouts, if the rungs of the task are starts.
+    pub start_rung: Option<i64>,
+    /// Number of such layouts.
+    pub count: i64,
+}
+
+/// Counts the mastered and hopeless layouts of a run, by task, level and start rung.
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if the query fails.
-pub async fn retired(conn: &mut SqliteConnection, run: &str) -> Result<Vec<LevelCount>, StoreError> {
+pub async fn retired(conn: &mut SqliteConnection, run: &str) -> Result<Vec<RetiredCount>, StoreError> {
     Ok(sqlx::query_as!(
-        LevelCount,
-        r#"SELECT task AS "task!", level AS "level: i64", count(*) AS "count!: i64" FROM layouts
+        RetiredCount,
+        r#"SELECT task AS "task!", level AS "level: i64", start_rung AS "start_rung: i64", count(*) AS "count!: i64" FROM layouts
            WHERE run = ? AND state = 'retired' AND retirement_reason IN ('mastered', 'hopeless')
-           GROUP BY task, level ORDER BY task, level"#,
+           GROUP BY task, level, start_rung ORDER BY task, level, start_rung"#,
         run
     )
     .fetch_all(conn)
     .await?)
 }
 
-/// Reads the `nth` mastered or hopeless layout of a run's task and level, from 0, in order of their numbers.
+/// Reads the `nth` mastered or hopeless layout of a count, from 0, in order of their numbers.
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if the query fails.
 pub async fn nth_retired(
     conn: &mut SqliteConnection,
     run: &str,
-    task: &str,
-    level: Option<i64>,
+    of: &RetiredCount,
     nth: i64,
 ) -> Result<Option<ServableLayout>, StoreError> {
     Ok(query_servable!(
         "run = ? AND state = 'retired' AND retirement_reason IN ('mastered', 'hopeless') AND task = ? AND level IS ?
-         ORDER BY id LIMIT 1 OFFSET ?",
+         AND start_rung IS ? ORDER BY id LIMIT 1 OFFSET ?",
         run,
-        task,
-        level,
+        of.task,
+        of.level,
+        of.start_rung,
         nth
     )
     .fetch_optional(conn)

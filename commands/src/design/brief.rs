@@ -15,7 +15,7 @@ use crate::options;
 use curriculum::TaskPlan;
 
 /// Level of the brief if neither a run nor `--level` gives one.
-const DEFAULT_LEVEL: u32 = 3;
+pub(super) const DEFAULT_LEVEL: u32 = 3;
 /// Task of the brief if neither a run, a profile nor `--task` gives one.
 const DEFAULT_TASK: &str = "kessler/survival";
 

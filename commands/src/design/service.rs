@@ -1,15 +1,15 @@
 //! Reads the settings, failures, mastery and layouts of a run from a service.
 
 use anyhow::Context;
-use api_types::{DesignPage, DesignState, Layout, RunMastery};
-use curriculum::Settings;
+use api_types::{DesignPage, DesignState, Layout, RunMastery, TaskMastery};
+use curriculum::{Settings, TaskPlan};
 use designer::FailureProfile;
 use designer::brief::{LayoutOutcome, LevelMastery, PastLayout};
 use env_core::Seed;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::brief::{RunSnapshot, TaskSnapshot};
+use super::brief::{DEFAULT_LEVEL, RunSnapshot, TaskSnapshot};
 use crate::api::{ApiClient, find_run};
 
 /// Largest number of listed designs of a run, including those that the gate refused.
@@ -53,6 +53,13 @@ pub(super) async fn past_layouts(api: &ApiClient, run: &str, task: &str) -> anyh
     Ok(past)
 }
 
+/// Level to design for: the one that the run is at. A sampler has none; its positions are levels, unless the task has start rungs.
+fn current_level(plan: &TaskPlan, mastery: &TaskMastery) -> u32 {
+    let median = mastery.status.rung_quartiles.map(|[_, median, _]| median as u32);
+    let sampled = median.filter(|_| plan.start_rungs().is_empty());
+    mastery.level.or(mastery.probe_level).or(sampled).unwrap_or(DEFAULT_LEVEL).min(plan.hardest_level())
+}
+
 /// Fetches the settings, levels, mastery and failures of a run.
 ///
 /// # Errors
@@ -70,7 +77,7 @@ pub(super) async fn fetch_run(api: &ApiClient, run: &str) -> anyhow::Result<RunS
         let profile =
             FailureProfile::parse(&failures, Some(&plan.task)).context("the failure profiles of the run")?;
         let mastery = mastery.tasks.iter().find(|mastery| mastery.task == plan.task);
-        let level = mastery.and_then(|mastery| mastery.level.or(mastery.probe_level));
+        let level = mastery.map(|known| current_level(&plan, known));
         let mastery = mastery.and_then(|mastery| mastery.mastery.as_ref()).filter(|known| known.n > 0);
         let mastery = mastery.map(|m| LevelMastery { n: m.n, mean: m.mean, q10: m.q10, q90: m.q90 });
         tasks.push(TaskSnapshot { plan, level, mastery, profile });

@@ -33,7 +33,7 @@ pub(super) struct Args {
     /// Task of the run, such as survival or docking/single; repeat the flag for several [default: all kessler tasks]
     #[arg(long = "task", value_name = "TASK", value_delimiter = ',', value_parser = names::parse_task)]
     tasks: Vec<String>,
-    /// Strategy that chooses the scenarios [default: ladder]
+    /// Strategy that chooses the scenarios [default: auto]
     #[arg(long, value_name = "STRATEGY", value_parser = PossibleValuesParser::new(StrategyKind::ALL.map(StrategyKind::name)))]
     strategy: Option<String>,
     /// Number of episodes of a group [default: 1]

@@ -20,12 +20,7 @@ pub(crate) struct RungScale<'a> {
 
 impl<'a> RungScale<'a> {
     pub(crate) fn new(plan: &'a TaskPlan) -> Self {
-        let task = env_core::task(&plan.task);
-        // A plan that scales starts by itself leaves nothing to the rungs.
-        let has_own_scale = plan.levels.columns().iter().any(|column| column == START_SCALE.name)
-            || plan.default_params.iter().any(|(name, value)| name == START_SCALE.name && *value != 1.0);
-        let starts = task.map_or(&[][..], TaskSpec::start_rungs);
-        Self { plan, task, starts: if has_own_scale { &[] } else { starts } }
+        Self { plan, task: env_core::task(&plan.task), starts: plan.start_rungs() }
     }
 
     /// True if the rungs are starts, at levels drawn uniformly.
@@ -80,6 +75,18 @@ impl<'a> RungScale<'a> {
             None => proposal.params.push((START_SCALE.name.to_owned(), scale)),
         }
         proposal
+    }
+}
+
+impl TaskPlan {
+    /// Values of `start_scale` on the rungs of the task, from the easiest; empty if its levels are the rungs.
+    #[must_use]
+    pub fn start_rungs(&self) -> &'static [f64] {
+        // A plan that scales starts by itself leaves nothing to the rungs.
+        let has_own_scale = self.levels.columns().iter().any(|column| column == START_SCALE.name)
+            || self.default_params.iter().any(|(name, value)| name == START_SCALE.name && *value != 1.0);
+        let task = env_core::task(&self.task).filter(|_| !has_own_scale);
+        task.map_or(&[], TaskSpec::start_rungs)
     }
 }
 

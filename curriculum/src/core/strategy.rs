@@ -16,7 +16,7 @@ use super::evidence::level_move::LevelMove;
 use super::explanation::{Explanation, TaskStatus};
 use super::outcome::GroupOutcome;
 use super::proposal::Proposal;
-use super::settings::Settings;
+use super::settings::{Settings, TaskPlan};
 use super::slot::Slot;
 
 /// Inputs of a decision beside the strategy's own state.
@@ -72,6 +72,10 @@ pub(crate) trait Strategy: StrategySnapshot + Send + Sync {
     /// proposal.
     fn status(&self, settings: &Settings) -> Vec<TaskStatus> {
         settings.tasks.iter().map(|plan| TaskStatus::without_levels(&plan.task, Vec::new())).collect()
+    }
+    /// Rung that the strategy draws for a task; `None` under a strategy that samples no rungs. Nothing changes.
+    fn sample_rung(&self, _plan: &TaskPlan, _settings: &Settings, _rng: &mut KeyedRng) -> Option<u32> {
+        None
     }
     /// Problems of a task that the user should know about, one sentence each. Cheap: the service compares them after
     /// every outcome.

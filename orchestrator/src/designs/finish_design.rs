@@ -14,6 +14,7 @@ use store::layout_transitions::{self, LayoutTransition};
 use store::layouts::{self, LayoutKind, LayoutState, NewLayout};
 use store::{StoreError, brackets, scenarios, to_i64};
 
+use crate::designs::place::Place;
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
@@ -49,8 +50,8 @@ pub struct FinishDesignRequest {
     pub run: String,
     /// Id of the task.
     pub task: String,
-    /// Level that was designed for.
-    pub level: Option<u32>,
+    /// Place on the rungs of the task that was designed for.
+    pub place: Place,
     /// Layouts that were made.
     pub made: Vec<MadeLayout>,
     /// Tokens and cost of the language model.
@@ -175,7 +176,8 @@ impl FinishDesignRequest {
             request: self.id,
             run: self.run.clone(),
             task: self.task.clone(),
-            level: self.level.map(i64::from),
+            level: self.place.level.map(i64::from),
+            start_rung: self.place.start_rung.map(i64::from),
             designer: designer.to_owned(),
             name: shorten(&judged.name, 200),
             design: text,

@@ -1,8 +1,8 @@
 //! Designed layouts: from an agent's failures to scenarios that it trains on, and their retirement.
 //!
 //! [`demand`] decides when a designer is asked. [`start_design`] starts a request, [`brief`] loads the designer's brief, and
-//! [`finish_design`] stores the layouts that the gate admitted. [`serve`] mixes layouts into leases, [`outcome`] counts how groups on
-//! them ended, and [`layout_status`] decides when they retire. Clients use [`request_design`] and [`retire_layout`]. The worker that
+//! [`finish_design`] stores the layouts that the gate admitted. [`serve`] mixes layouts into leases, with the share that
+//! [`learning_value`] gives them. [`outcome`] counts how groups on them ended, and [`layout_status`] decides when they retire. Clients use [`request_design`] and [`retire_layout`]. The worker that
 //! calls designers is `workers::design`; the designers themselves are in the crate `designer`.
 
 pub mod brief;
@@ -10,7 +10,9 @@ pub mod demand;
 pub mod designers;
 pub mod finish_design;
 pub mod layout_status;
+pub mod learning_value;
 pub mod outcome;
+pub mod place;
 pub mod profile;
 pub mod request_design;
 pub mod retire_layout;

@@ -7,10 +7,12 @@ use store::keys::EpisodeSpan;
 use store::layout_outcomes::{self, LayoutOutcome};
 use store::layout_transitions;
 use store::layouts::{self, LayoutKind, LayoutRow};
-use store::leases::LeaseRow;
+use store::learning_signals;
+use store::leases::{LeaseRow, Purpose};
 use store::{StoreError, from_json, to_json, to_u32};
 
 use crate::designs::layout_status::{LayoutHistory, LayoutStatus};
+use crate::designs::learning_value::{self, SignalGroup};
 use crate::engine::error::ServiceError;
 use crate::engine::run_tx::RunTx;
 use crate::runs::settings::RunSettings;
@@ -33,9 +35,27 @@ pub(crate) async fn observe_designed_group(
     if let Some(id) = group.layout
         && let Some(row) = layouts::get(run.conn, id).await?
     {
-        update_layout(run.conn, row, &finished, run.now).await?;
+        update_layout(run, row, &finished, to_u32(lease.group_size)).await?;
     }
     Ok(())
+}
+
+/// Adds closed groups of a training lease to the learning signals of a run with designs.
+pub(crate) async fn add_learning_signals(
+    run: &mut RunTx<'_>,
+    lease: &LeaseRow,
+    closing: &[GroupRow],
+) -> Result<(), StoreError> {
+    if lease.purpose != Purpose::Train || lease.is_columns() || !run.state.settings.design.is_enabled() {
+        return Ok(());
+    }
+    let mut sums = learning_signals::get(run.conn, &lease.run).await?;
+    for group in closing.iter().filter(|group| group.finished > 0) {
+        let is_designed = group.layout.is_some();
+        let (finished, successes) = (to_u32(group.finished), to_u32(group.successes));
+        learning_value::add_group(&mut sums, SignalGroup { is_designed, finished, successes });
+    }
+    learning_signals::set(run.conn, &lease.run, &sums).await
 }
 
 /// Returns true if the oldest policy version among the episodes is too old to count.
@@ -60,14 +80,15 @@ fn is_mastered(episode: &FinishedEpisode, is_decoy: bool) -> bool {
 
 /// Adds the outcome of a group to its layout, which may change its status.
 async fn update_layout(
-    conn: &mut sqlx::SqliteConnection,
+    run: &mut RunTx<'_>,
     row: LayoutRow,
     episodes: &[FinishedEpisode],
-    now: i64,
+    group_size: u32,
 ) -> Result<(), StoreError> {
     let Some(status) = LayoutStatus::from_stored(row.state, row.retirement_reason) else { return Ok(()) };
     let recent = from_json("a layout's outcomes", &row.recent_success_rates)?;
-    let mut history = LayoutHistory { status, recent, zero_success_streak: to_u32(row.zero_success_streak) };
+    let zero_success_streak = to_u32(row.zero_success_streak);
+    let mut history = LayoutHistory { status, recent, zero_success_streak, group_size };
     let is_decoy = row.kind == Some(LayoutKind::Decoy);
     let successes = episodes.iter().filter(|episode| is_mastered(episode, is_decoy)).count();
     let reason = history.observe(successes as f64 / episodes.len().max(1) as f64);
@@ -79,9 +100,10 @@ async fn update_layout(
         recent_success_rates: to_json(&history.recent)?,
         zero_success_streak: i64::from(history.zero_success_streak),
     };
-    layout_outcomes::add_outcome(conn, row.id, &outcome).await?;
+    layout_outcomes::add_outcome(run.conn, row.id, &outcome).await?;
     if let Some(reason) = reason {
-        layout_transitions::change_state(conn, row.id, &history.status.transition(reason), now).await?;
+        layout_transitions::change_state(run.conn, row.id, &history.status.transition(reason), run.now)
+            .await?;
     }
     Ok(())
 }

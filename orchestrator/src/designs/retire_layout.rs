@@ -3,9 +3,9 @@
 use sqlx::SqliteConnection;
 use store::ids::{LayoutId, RunId};
 use store::layouts::{self, LayoutRow};
-use store::{layout_outcomes, layout_transitions, to_json};
+use store::{layout_outcomes, layout_transitions};
 
-use crate::designs::layout_status::{LayoutHistory, LayoutStatus};
+use crate::designs::layout_status::LayoutStatus;
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
@@ -38,8 +38,7 @@ impl Change for SetLayoutRetired {
             return Ok(row);
         }
         if !self.retired {
-            layout_outcomes::reset_success_rates(conn, row.id, &to_json(&LayoutHistory::new().recent)?)
-                .await?;
+            layout_outcomes::reset_success_rates(conn, row.id, "[]").await?;
         }
         layout_transitions::change_state(conn, row.id, &target.transition(reason.to_owned()), now).await?;
         find_layout(conn, &self.run, self.layout).await

@@ -6,13 +6,13 @@ use std::collections::BTreeMap;
 use env_core::KeyedRng;
 use env_core::keyed_rng::RngPurpose;
 use sqlx::SqliteConnection;
-use store::design_counters::{self, LevelCount};
 use store::groups::{GroupRole, GroupRow};
 use store::layouts::LayoutKind;
-use store::servable_layouts::{self, ServableLayout};
-use store::{StoreError, to_u64};
+use store::servable_layouts::{self, RetiredCount, ServableLayout};
+use store::{StoreError, design_counters, from_json, learning_signals, to_u64};
 
-use crate::designs::DesignSettings;
+use crate::designs::layout_status::{LayoutHistory, LayoutStatus};
+use crate::designs::place::Place;
 use crate::engine::run_state::RunState;
 
 /// Share of designed groups that probe a retired layout, in case the agent has forgotten or learnt it.
@@ -49,12 +49,28 @@ pub fn is_within_share(groups: i64, since: i64, layout_share: f64) -> bool {
     (groups + 1) as f64 <= (layout_share * (since + 1) as f64).max(GUARANTEED_GROUPS)
 }
 
-/// Returns true if a layout's level is at most one off the task's level. Without levels every layout is near.
-#[must_use]
-pub fn is_near(layout: Option<u32>, now: Option<u32>) -> bool {
-    match (layout, now) {
-        (Some(layout), Some(now)) => layout.abs_diff(now) <= 1,
-        _ => true,
+/// Task and place of the scenario that a designed group replaces.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Opening {
+    pub(crate) task: String,
+    pub(crate) place: Place,
+}
+
+/// Groups of a lease that may be designed.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Openings<'a> {
+    /// This number of groups, each of any task at its current level. They take no proposals.
+    Current(u32),
+    /// One entry for each group: a layout replaces the scenario of its proposal, unless it is `None`.
+    Proposed(&'a [Option<Opening>]),
+}
+
+impl Openings<'_> {
+    fn len(self) -> usize {
+        match self {
+            Self::Current(groups) => groups as usize,
+            Self::Proposed(openings) => openings.len(),
+        }
     }
 }
 
@@ -65,107 +81,202 @@ pub fn pick_index(pick: f64, count: usize) -> Option<usize> {
     (count > 0).then(|| ((pick * count as f64) as usize).min(count - 1))
 }
 
+/// Returns the index of one of the weights by a draw in [0, 1), in proportion to them; `None` if all are 0.
+#[must_use]
+pub fn pick_weighted(pick: f64, weights: &[f64]) -> Option<usize> {
+    let mut left = pick * weights.iter().sum::<f64>();
+    let mut last = None;
+    for (at, weight) in weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0) {
+        last = Some(at);
+        if left < *weight {
+            break;
+        }
+        left -= weight;
+    }
+    last
+}
+
+/// Active layout, with what the agent's results on it say.
+struct ActiveLayout {
+    layout: ServableLayout,
+    place: Place,
+    is_served: bool,
+    /// Mean of p(1 − p) over the success rate p.
+    weight: f64,
+}
+
+impl ActiveLayout {
+    fn new(layout: ServableLayout, group_size: u32) -> Result<Self, StoreError> {
+        let recent = from_json("a layout's outcomes", &layout.recent_success_rates)?;
+        let history =
+            LayoutHistory { status: LayoutStatus::Active, recent, zero_success_streak: 0, group_size };
+        let place = Place::from_stored(layout.level, layout.start_rung);
+        Ok(Self { layout, place, is_served: history.is_served(), weight: history.success().mean_variance() })
+    }
+}
+
+/// Reads the active layouts of a run, and returns the places of those that are served, with their tasks.
+pub(crate) async fn served_places(
+    conn: &mut SqliteConnection,
+    state: &RunState,
+) -> Result<Vec<Opening>, StoreError> {
+    let active = read_active(conn, state).await?.into_iter().filter(|active| active.is_served);
+    Ok(active.map(|active| Opening { task: active.layout.task, place: active.place }).collect())
+}
+
+async fn read_active(conn: &mut SqliteConnection, state: &RunState) -> Result<Vec<ActiveLayout>, StoreError> {
+    let rows = servable_layouts::active(conn, &state.run).await?;
+    rows.into_iter().map(|layout| ActiveLayout::new(layout, state.settings.group_size)).collect()
+}
+
 /// Layouts that may be served, with the groups that they have had.
 struct LayoutChooser {
-    settings: DesignSettings,
-    active: Vec<ServableLayout>,
+    /// Largest share of the training groups for one layout.
+    layout_share: f64,
+    active: Vec<ActiveLayout>,
     /// Numbers of mastered and hopeless layouts.
-    retired: Vec<LevelCount>,
+    retired: Vec<RetiredCount>,
     /// Groups that probed layouts have had, those of this lease included, by layout.
     probed: BTreeMap<i64, i64>,
     train_groups: i64,
 }
 
-/// Returns the layout of each group of a lease; `None` for a group of the next proposal. Nothing is written.
+/// Returns the layout of each group of a lease; `None` for a group without one. Nothing is written.
 pub(crate) async fn choose_layouts(
     conn: &mut SqliteConnection,
     state: &RunState,
     lease: i64,
-    groups: u32,
+    openings: Openings<'_>,
 ) -> Result<Vec<Option<ServableLayout>>, StoreError> {
     let settings = state.settings.design;
-    let none = vec![None; groups as usize];
+    let none = vec![None; openings.len()];
     if !settings.is_enabled() {
         return Ok(none);
     }
-    let drawn = draw_groups(settings.share, state.seed, to_u64(lease), groups);
+    let run = state.run.as_str();
+    let share = settings.current_share(&learning_signals::get(conn, run).await?);
+    let groups = u32::try_from(openings.len()).unwrap_or(u32::MAX);
+    let drawn = draw_groups(share, state.seed, to_u64(lease), groups);
     if !drawn.iter().any(|drawn| drawn.is_designed) {
         return Ok(none);
     }
-    let run = state.run.as_str();
-    let placed: Vec<_> =
-        state.curriculum.status().into_iter().filter(|status| status.placement_done).collect();
-    let fits = |task: &str, level: Option<i64>| {
-        placed.iter().any(|s| s.task == task && is_near(level.and_then(|l| u32::try_from(l).ok()), s.level))
-    };
-    let mut active = servable_layouts::active(conn, run).await?;
-    active.retain(|layout| fits(&layout.task, layout.level));
+    let current = current_openings(state);
     let probes = drawn.iter().any(|drawn| drawn.is_designed && drawn.is_probe);
-    let mut retired = if probes { servable_layouts::retired(conn, run).await? } else { Vec::new() };
-    retired.retain(|of| fits(&of.task, of.level));
-    let train_groups = design_counters::groups(conn, run).await?.all;
-    let probed = BTreeMap::new();
-    let mut chooser = LayoutChooser { settings, active, retired, probed, train_groups };
+    let mut chooser = LayoutChooser {
+        layout_share: settings.layout_share,
+        active: read_active(conn, state).await?,
+        retired: if probes { servable_layouts::retired(conn, run).await? } else { Vec::new() },
+        probed: BTreeMap::new(),
+        train_groups: design_counters::groups(conn, run).await?.all,
+    };
     let mut chosen = Vec::with_capacity(drawn.len());
-    for drawn in drawn {
-        chosen.push(if drawn.is_designed { chooser.choose(conn, run, drawn).await? } else { None });
+    for (number, drawn) in drawn.into_iter().enumerate() {
+        let at = match openings {
+            Openings::Current(_) => current.as_slice(),
+            Openings::Proposed(openings) => openings.get(number).map_or(&[][..], Option::as_slice),
+        };
+        chosen.push(if drawn.is_designed { chooser.choose(conn, run, drawn, at).await? } else { None });
         chooser.train_groups += 1;
     }
     Ok(chosen)
 }
 
+/// Current level of each task whose placement is over.
+fn current_openings(state: &RunState) -> Vec<Opening> {
+    let placed = state.curriculum.status().into_iter().filter(|status| status.placement_done);
+    placed
+        .map(|status| Opening { task: status.task, place: Place { level: status.level, start_rung: None } })
+        .collect()
+}
+
+fn fits(openings: &[Opening], task: &str, place: Place) -> bool {
+    openings.iter().any(|opening| opening.task == task && opening.place.is_near(place))
+}
+
 impl LayoutChooser {
-    /// Chooses the layout of a group.
+    /// Chooses the layout of a group for one of the openings.
     async fn choose(
         &mut self,
         conn: &mut SqliteConnection,
         run: &str,
         drawn: GroupDraws,
+        openings: &[Opening],
     ) -> Result<Option<ServableLayout>, StoreError> {
         if drawn.is_probe
-            && let Some(retired) = self.probe(conn, run, drawn.pick).await?
+            && let Some(probed) = self.probe(conn, run, drawn.pick, openings).await?
         {
-            return Ok(Some(retired));
+            return Ok(Some(probed));
         }
-        let (share, now) = (self.settings.layout_share, self.train_groups);
-        let may = |layout: &ServableLayout| {
-            is_within_share(layout.groups, now - layout.training_groups_at_creation, share)
+        let weight = |active: &ActiveLayout| {
+            let may = active.is_served
+                && self.is_within_share(&active.layout)
+                && fits(openings, &active.layout.task, active.place);
+            if may { active.weight } else { 0.0 }
         };
-        let mut eligible: Vec<&mut ServableLayout> =
-            self.active.iter_mut().filter(|layout| may(layout)).collect();
-        let Some(at) = pick_index(drawn.pick, eligible.len()) else { return Ok(None) };
-        let layout = &mut eligible[at];
-        layout.groups += 1;
-        Ok(Some(layout.clone()))
+        let weights: Vec<f64> = self.active.iter().map(weight).collect();
+        Ok(pick_weighted(drawn.pick, &weights).map(|at| self.take(at)))
     }
 
-    /// Returns the retired layout that is drawn, if it may be served.
+    /// Counts a group of an active layout, and returns the layout.
+    fn take(&mut self, at: usize) -> ServableLayout {
+        let layout = &mut self.active[at].layout;
+        layout.groups += 1;
+        layout.clone()
+    }
+
+    fn is_within_share(&self, layout: &ServableLayout) -> bool {
+        let since = self.train_groups - layout.training_groups_at_creation;
+        is_within_share(layout.groups, since, self.layout_share)
+    }
+
+    /// Returns the layout that is drawn among those that are not served: retired ones, and active ones on which the agent nearly
+    /// always fails or succeeds.
     async fn probe(
         &mut self,
         conn: &mut SqliteConnection,
         run: &str,
         pick: f64,
+        openings: &[Opening],
     ) -> Result<Option<ServableLayout>, StoreError> {
-        let all: i64 = self.retired.iter().map(|of| of.count).sum();
-        let Some(mut nth) = pick_index(pick, usize::try_from(all).unwrap_or(0)).map(|nth| nth as i64) else {
-            return Ok(None);
-        };
-        for LevelCount { task, level, count } in &self.retired {
-            if nth < *count {
-                let Some(found) = servable_layouts::nth_retired(conn, run, task, *level, nth).await? else {
-                    return Ok(None);
-                };
-                let (share, since) =
-                    (self.settings.layout_share, self.train_groups - found.training_groups_at_creation);
-                let groups = self.probed.entry(found.id).or_insert(found.groups);
-                let may = is_within_share(*groups, since, share);
-                *groups += i64::from(may);
-                return Ok(may.then_some(found));
+        let unserved: Vec<usize> = (0..self.active.len())
+            .filter(|at| !self.active[*at].is_served)
+            .filter(|at| fits(openings, &self.active[*at].layout.task, self.active[*at].place))
+            .collect();
+        let retired: Vec<&RetiredCount> = self
+            .retired
+            .iter()
+            .filter(|of| fits(openings, &of.task, Place::from_stored(of.level, of.start_rung)))
+            .collect();
+        let all = unserved.len() as i64 + retired.iter().map(|of| of.count).sum::<i64>();
+        let Some(nth) = pick_index(pick, usize::try_from(all).unwrap_or(0)) else { return Ok(None) };
+        if let Some(at) = unserved.get(nth) {
+            return Ok(self.is_within_share(&self.active[*at].layout).then(|| self.take(*at)));
+        }
+        let mut nth = (nth - unserved.len()) as i64;
+        for of in retired {
+            if nth < of.count {
+                let found = servable_layouts::nth_retired(conn, run, of, nth).await?;
+                return Ok(found.filter(|found| {
+                    count_probe(&mut self.probed, found, self.train_groups, self.layout_share)
+                }));
             }
-            nth -= count;
+            nth -= of.count;
         }
         Ok(None)
     }
+}
+
+/// Counts a group of a retired layout. Returns false if the layout has had its share.
+fn count_probe(
+    probed: &mut BTreeMap<i64, i64>,
+    layout: &ServableLayout,
+    train_groups: i64,
+    layout_share: f64,
+) -> bool {
+    let groups = probed.entry(layout.id).or_insert(layout.groups);
+    let may = is_within_share(*groups, train_groups - layout.training_groups_at_creation, layout_share);
+    *groups += i64::from(may);
+    may
 }
 
 /// Returns the row of a group on a layout. Its outcome is no evidence of mastery: a layout is aimed at the agent's failures.
@@ -201,14 +312,12 @@ mod tests {
     }
 
     #[test]
-    fn adjacent_levels_are_near() {
-        assert!(
-            is_near(Some(3), Some(4))
-                && is_near(Some(4), Some(3))
-                && is_near(None, Some(9))
-                && is_near(Some(1), None)
-        );
-        assert!(!is_near(Some(2), Some(4)));
+    fn layouts_are_picked_by_weight() {
+        let weights = [0.1, 0.0, 0.3];
+        for (pick, at) in [(0.0, Some(0)), (0.24, Some(0)), (0.26, Some(2)), (0.999, Some(2))] {
+            assert_eq!(pick_weighted(pick, &weights), at, "{pick}");
+        }
+        assert_eq!((pick_weighted(0.5, &[]), pick_weighted(0.5, &[0.0])), (None, None));
     }
 
     proptest! {

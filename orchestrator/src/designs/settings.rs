@@ -4,7 +4,10 @@ use api_types::{DesignSettingsRequest, DesignerChoice};
 use env_core::format_shortest;
 use serde::{Deserialize, Serialize};
 
+use store::learning_signals::LearningSignalSums;
+
 use crate::designs::DesignerKind;
+use crate::designs::learning_value::designed_share;
 use crate::engine::error::ServiceError;
 use crate::runs::validate::check_range;
 
@@ -21,8 +24,11 @@ pub const fn designer_kind(choice: DesignerChoice, has_llm: bool) -> Option<Desi
 /// Design settings of a run, complete, as stored.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct DesignSettings {
-    /// The share of training groups that are designed, 0 to 1.
+    /// The largest share of training groups that are designed, 0 to 1.
     pub share: f64,
+    /// True if the share is always the largest; false if it follows what the agent learns from designed groups.
+    #[serde(default)]
+    pub fixed_share: bool,
     /// The designer of the run.
     pub designer: DesignerChoice,
     /// The share of training groups that one layout may take, above 0 and at most 1.
@@ -34,7 +40,7 @@ pub struct DesignSettings {
 /// The settings of a run that was stored without design settings: nothing is designed.
 impl Default for DesignSettings {
     fn default() -> Self {
-        Self { share: 0.0, designer: DesignerChoice::Off, layout_share: 0.05, reserve: 8 }
+        Self { share: 0.0, fixed_share: false, designer: DesignerChoice::Off, layout_share: 0.05, reserve: 8 }
     }
 }
 
@@ -58,7 +64,23 @@ impl DesignSettings {
         }
         let reserve = request.reserve.unwrap_or(8);
         check_range("design.reserve", reserve, 1, 64)?;
-        Ok(Self { share, designer: request.designer.unwrap_or(DesignerChoice::Auto), layout_share, reserve })
+        Ok(Self {
+            share,
+            fixed_share: request.fixed_share.unwrap_or(false),
+            designer: request.designer.unwrap_or(DesignerChoice::Auto),
+            layout_share,
+            reserve,
+        })
+    }
+
+    /// Returns the share of training groups that are designed now, 0 to `share`.
+    #[must_use]
+    pub fn current_share(&self, signals: &LearningSignalSums) -> f64 {
+        match (self.is_enabled(), self.fixed_share) {
+            (false, _) => 0.0,
+            (true, true) => self.share,
+            (true, false) => designed_share(signals, self.share),
+        }
     }
 
     /// Returns true if layouts are designed and served.

@@ -4,25 +4,27 @@ use std::sync::Arc;
 
 use designer::brief::LevelMastery;
 use designer::{FailureProfile, design_language};
-use env_core::space::Levels;
-use env_core::{Recipe, ScenarioError};
+use env_core::keyed_rng::RngPurpose;
+use env_core::space::{Levels, START_SCALE};
+use env_core::{KeyedRng, Recipe, ScenarioError};
 use sqlx::SqliteConnection;
 use store::design_requests::{
     self, DesignRequestResult, NewDesignRequest, ProfileSnapshot, RequestOrigin, RequestState,
 };
-use store::{StoreError, design_counters, design_queue, from_json, to_json, to_u32};
+use store::{StoreError, design_queue, from_json, to_json, to_u32, to_u64};
 
 use crate::designs::DesignerKind;
 use crate::designs::demand::{self, DesignDemand, LastDesignRequest};
+use crate::designs::place::Place;
 use crate::designs::profile::CollectedProfile;
-use crate::designs::serve::is_near;
+use crate::designs::serve::served_places;
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::run_state::RunState;
 use crate::engine::run_tx::RunTx;
 use crate::engine::write_tx::WriteTx;
 use clock::Millis;
-use curriculum::TaskPlan;
+use curriculum::{TaskPlan, TaskStatus};
 
 /// Number of finished requests of a run's task that are considered.
 const MAX_LOOK_BACK: i64 = 8;
@@ -38,8 +40,8 @@ pub struct StartedDesignRequest {
     pub run_seed: u64,
     /// Id of the task.
     pub task: String,
-    /// Level to design for, if the task has levels.
-    pub level: Option<u32>,
+    /// Place on the rungs of the task to design for.
+    pub place: Place,
     /// Designer that the request is for.
     pub designer: DesignerKind,
     /// Number of layouts that are wanted.
@@ -88,13 +90,13 @@ async fn start_waiting(run: &mut RunTx<'_>, id: i64) -> Result<Option<StartedDes
         return Ok(None);
     };
     let plan = run.state.settings.curriculum.tasks.iter().find(|plan| plan.task == request.task);
-    let Some(target) = plan.and_then(|plan| DesignTarget::of(&run.state, plan)) else {
+    let profile = CollectedProfile::load(run.conn, &run.state.run, &request.task).await?;
+    let Some(target) = plan.and_then(|plan| DesignTarget::of(&run.state, plan, &profile)) else {
         let error = Some("the run no longer has this task, or the task cannot be designed for".to_owned());
         let failed = DesignRequestResult { error, ..DesignRequestResult::default() };
         design_requests::finish(run.conn, id, &failed, run.now).await?;
         return Ok(None);
     };
-    let profile = CollectedProfile::load(run.conn, &run.state.run, &request.task).await?;
     let order = DesignOrder { id, designer: request.designer, wanted: to_u32(request.wanted) };
     target.start(run.conn, &run.state, order, &profile).await.map(Some)
 }
@@ -109,8 +111,8 @@ async fn start_due(run: &mut RunTx<'_>, has_llm: bool) -> Result<Option<StartedD
         return Ok(None);
     };
     for plan in &state.settings.curriculum.tasks {
-        let Some(target) = DesignTarget::of(state, plan) else { continue };
         let profile = CollectedProfile::load(conn, &state.run, &plan.task).await?;
+        let Some(target) = DesignTarget::of(state, plan, &profile) else { continue };
         let demand = target.demand(conn, state, designer, &profile, *now).await?;
         if let Some(wanted) = demand::layouts_wanted(&demand) {
             let request = NewDesignRequest {
@@ -137,24 +139,26 @@ struct DesignOrder {
     wanted: u32,
 }
 
-/// A task that can be designed for, at its current level.
+/// A task that can be designed for, where the agent is on its rungs.
 struct DesignTarget<'a> {
     plan: &'a TaskPlan,
-    level: Option<u32>,
+    place: Place,
     is_placed: bool,
     recipe: Arc<Recipe>,
 }
 
 impl<'a> DesignTarget<'a> {
     /// Returns the target of a task; `None` if nothing designs for it.
-    fn of(state: &RunState, plan: &'a TaskPlan) -> Option<Self> {
+    fn of(state: &RunState, plan: &'a TaskPlan, collected: &CollectedProfile) -> Option<Self> {
         let task = env_core::task(&plan.task)?;
         design_language(task)?;
         let status = state.curriculum.status().into_iter().find(|status| status.task == plan.task)?;
-        let level = status.probe_level.or(status.level);
+        let mut rng =
+            KeyedRng::new(RngPurpose::DesignPlace, state.seed, to_u64(collected.counters.criticised));
+        let place = place_of(plan, state, &status, &mut rng);
         // The settings were validated when they were set, so a recipe exists.
-        let recipe = recipe_at(plan, level).ok()?;
-        Some(Self { plan, level, is_placed: status.placement_done, recipe })
+        let recipe = recipe_at(plan, place).ok()?;
+        Some(Self { plan, place, is_placed: status.placement_done, recipe })
     }
 
     /// Marks a request as running, and returns it with its brief's inputs.
@@ -168,19 +172,19 @@ impl<'a> DesignTarget<'a> {
         let profile = collected.profile(&self.plan.task);
         let snapshot =
             ProfileSnapshot { profile: to_json(&profile)?, criticised: collected.counters.criticised };
-        design_requests::start(conn, id, self.level.map(i64::from), &snapshot).await?;
+        design_requests::start(conn, id, self.place.level.map(i64::from), &snapshot).await?;
         let mastery = state
             .curriculum
             .mastery()
             .into_iter()
-            .find(|m| m.task == self.plan.task && m.level == self.level && m.n > 0)
+            .find(|m| m.task == self.plan.task && m.level == self.place.level && m.n > 0)
             .map(|m| LevelMastery { n: m.n, mean: m.mean, q10: m.q10, q90: m.q90 });
         Ok(StartedDesignRequest {
             id,
             run: state.run.clone(),
             run_seed: state.seed,
             task: self.plan.task.clone(),
-            level: self.level,
+            place: self.place,
             designer,
             wanted,
             recipe: Arc::clone(&self.recipe),
@@ -200,15 +204,15 @@ impl<'a> DesignTarget<'a> {
         now: Millis,
     ) -> Result<DesignDemand, ServiceError> {
         let task = self.plan.task.as_str();
-        let active = design_counters::active(conn, &state.run).await?;
-        let near = active.iter().filter(|of| of.task == task && is_near(of.level.map(to_u32), self.level));
+        let served = served_places(conn, state).await?;
+        let near = served.iter().filter(|of| of.task == task && of.place.is_near(self.place));
         let profile = collected.profile(task);
         Ok(DesignDemand {
             designer,
             is_placed: self.is_placed,
             criticised: collected.counters.criticised,
             failure_weight: profile.total_weight(),
-            active: to_u32(near.map(|of| of.count).sum()),
+            active: to_u32(near.count() as i64),
             reserve: state.settings.design.reserve,
             last: last_request(conn, &state.run, task, &profile).await?,
             now,
@@ -216,16 +220,28 @@ impl<'a> DesignTarget<'a> {
     }
 }
 
-/// Returns the recipe of a task at a level.
-fn recipe_at(plan: &TaskPlan, level: Option<u32>) -> Result<Arc<Recipe>, ScenarioError> {
+/// Place on the rungs of a task to design for: the level of the agent, or under a sampler a rung that it draws. A start rung can be
+/// at any level.
+fn place_of(plan: &TaskPlan, state: &RunState, status: &TaskStatus, rng: &mut KeyedRng) -> Place {
+    match state.curriculum.sample_rung(&plan.task, rng) {
+        None => Place { level: status.probe_level.or(status.level), start_rung: None },
+        rung if plan.start_rungs().is_empty() => Place { level: rung, start_rung: None },
+        rung => Place { level: Some(rng.below(plan.hardest_level() + 1)), start_rung: rung },
+    }
+}
+
+/// Returns the recipe of a task at a place.
+fn recipe_at(plan: &TaskPlan, place: Place) -> Result<Arc<Recipe>, ScenarioError> {
     let unknown = || ScenarioError::UnknownChoice {
         field: "task".to_owned(),
         value: plan.task.clone(),
         choices: String::new(),
     };
     let task = env_core::task(&plan.task).ok_or_else(unknown)?;
-    let params = plan.params(level);
+    let params = plan.params(place.level);
+    let scale = place.start_rung.and_then(|rung| plan.start_rungs().get(rung as usize));
     let params = params.iter().map(|(name, value)| (name.as_str(), *value));
+    let params = params.chain(scale.map(|scale| (START_SCALE.name, *scale)));
     let options = plan.physics.iter().map(|(name, choice)| (name.as_str(), choice.as_str()));
     Ok(Arc::new(Recipe::with_params(task, params)?.with_options(options)?))
 }

@@ -5,6 +5,7 @@ use std::ops::RangeInclusive;
 use api_types::EvidenceFrom;
 use sqlx::SqliteConnection;
 use store::design_counters::{self, TrainingGroups};
+use store::from_json;
 use store::groups::GroupRow;
 use store::ids::{RunId, random_token};
 use store::leases::{self, Disclosure, LeaseForm, LeaseRow, LeaseStatus, Purpose};
@@ -13,7 +14,8 @@ use store::proposals::{self, QueuedProposal};
 use store::refills;
 use store::servable_layouts::{self, ServableLayout};
 
-use crate::designs::serve;
+use crate::designs::place::Place;
+use crate::designs::serve::{self, Opening, Openings};
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
@@ -27,7 +29,7 @@ use crate::metrics::LeaseEvent;
 use crate::runs::settings::{MAX_GROUP_SIZE, RunSettings};
 use crate::runs::validate::{check_episodes, check_range};
 use crate::runs::version_step::check_version_step;
-use curriculum::Slot;
+use curriculum::{Proposal, ProposalRole, Slot};
 
 /// Most groups of a lease.
 pub const MAX_GROUPS: u32 = 1024;
@@ -167,13 +169,9 @@ impl Change for CreateLease {
         let mut run = tx.run(self.run.as_str()).await?;
         let group_size = self.check(&run.state)?;
         let row = self.new_row(run.conn, group_size, run.now).await?;
-        let designed = match self.purpose {
-            Purpose::Train => serve::choose_layouts(run.conn, &run.state, row.id, self.groups).await?,
-            Purpose::Probe | Purpose::Eval => vec![None; self.groups as usize],
-        };
-        let proposed = designed.iter().filter(|layout| layout.is_none()).count();
-        let Some(head) = self.take_proposals(&mut run, proposed).await? else { return Ok(None) };
-        let (groups, slots) = self.group_rows(&mut run, &row, head, designed).await?;
+        let Some(scenarios) = self.choose_scenarios(&mut run, row.id).await? else { return Ok(None) };
+        let designed = scenarios.iter().filter(|chosen| chosen.layout.is_some()).count();
+        let (groups, slots) = self.group_rows(&mut run, &row, scenarios).await?;
         leases::insert(run.conn, &row, &groups).await?;
         run.state.open_slots(run.conn, slots, run.now).await?;
         if self.refill {
@@ -181,7 +179,7 @@ impl Change for CreateLease {
         }
         if self.purpose == Purpose::Train {
             let all = i64::from(self.groups);
-            let added = TrainingGroups { all, designed: all - proposed as i64 };
+            let added = TrainingGroups { all, designed: designed as i64 };
             design_counters::add_groups(run.conn, self.run.as_str(), added).await?;
         }
         let scenarios = match groups.len() {
@@ -196,7 +194,44 @@ impl Change for CreateLease {
     }
 }
 
+/// What a group of a lease serves: a layout, a proposal, or a layout in place of the scenario of a proposal.
+struct GroupChoice {
+    layout: Option<ServableLayout>,
+    proposal: Option<QueuedProposal>,
+}
+
 impl CreateLease {
+    /// Chooses what each group serves; `None` while proposals are not prepared. A strategy that samples rungs learns from designed
+    /// groups, so that they keep their proposals.
+    async fn choose_scenarios(
+        &self,
+        run: &mut RunTx<'_>,
+        lease: i64,
+    ) -> Result<Option<Vec<GroupChoice>>, ServiceError> {
+        let keeps_proposals = run.state.settings.curriculum.strategy.samples_rungs();
+        if self.purpose == Purpose::Train && !keeps_proposals {
+            let openings = Openings::Current(self.groups);
+            let layouts = serve::choose_layouts(run.conn, &run.state, lease, openings).await?;
+            let proposed = layouts.iter().filter(|layout| layout.is_none()).count();
+            let Some(head) = self.take_proposals(run, proposed).await? else { return Ok(None) };
+            let mut head = head.into_iter();
+            let choice = |layout: Option<ServableLayout>| {
+                let proposal = if layout.is_none() { head.next() } else { None };
+                GroupChoice { layout, proposal }
+            };
+            return Ok(Some(layouts.into_iter().map(choice).collect()));
+        }
+        let Some(head) = self.take_proposals(run, self.groups as usize).await? else { return Ok(None) };
+        let layouts = if self.purpose == Purpose::Train {
+            let openings: Vec<Option<Opening>> = head.iter().map(opening_of).collect::<Result<_, _>>()?;
+            serve::choose_layouts(run.conn, &run.state, lease, Openings::Proposed(&openings)).await?
+        } else {
+            vec![None; head.len()]
+        };
+        let choices = layouts.into_iter().zip(head);
+        Ok(Some(choices.map(|(layout, proposal)| GroupChoice { layout, proposal: Some(proposal) }).collect()))
+    }
+
     /// Takes prepared proposals from the head of the queue; `None` if some of them are not prepared yet.
     async fn take_proposals(
         &self,
@@ -217,13 +252,12 @@ impl CreateLease {
         Ok(Some(head))
     }
 
-    /// Builds the rows of the groups, and their slots: a layout where one was chosen, else the next proposal.
+    /// Builds the rows of the groups, and their slots.
     async fn group_rows(
         &self,
         run: &mut RunTx<'_>,
         lease: &LeaseRow,
-        head: Vec<QueuedProposal>,
-        designed: Vec<Option<ServableLayout>>,
+        choices: Vec<GroupChoice>,
     ) -> Result<(Vec<GroupRow>, Vec<Slot>), ServiceError> {
         let terms = GroupTerms {
             lease: lease.id,
@@ -232,24 +266,32 @@ impl CreateLease {
             disclosure: self.disclosure,
             is_seed_reused: run.state.is_seed_reused,
         };
-        let (mut head, mut groups, mut slots) = (head.into_iter(), Vec::new(), Vec::new());
-        for (number, layout) in (0i64..).zip(designed) {
-            groups.push(match layout {
-                Some(layout) => {
-                    servable_layouts::add_group(run.conn, layout.id, run.now).await?;
-                    let is_disclosed = self.disclosure == Disclosure::Lease;
-                    GroupRow { is_disclosed, ..serve::designed_group(&run.state, number, layout) }
-                }
-                None => {
-                    let Some(queued) = head.next() else { continue }; // the head has one proposal for each such group
-                    let ProposedGroup { row, slot } = proposed_group(number, queued, terms)?;
-                    slots.extend(slot);
-                    row
-                }
-            });
+        let (mut groups, mut slots) = (Vec::new(), Vec::new());
+        for (number, GroupChoice { layout, proposal }) in (0i64..).zip(choices) {
+            if let Some(layout) = layout {
+                servable_layouts::add_group(run.conn, layout.id, run.now).await?;
+                let proposal = proposal.map(|queued| queued.seq);
+                groups.push(GroupRow {
+                    proposal,
+                    is_evidence: proposal.is_some() && terms.is_evidence,
+                    is_disclosed: self.disclosure == Disclosure::Lease,
+                    ..serve::designed_group(&run.state, number, layout)
+                });
+            } else if let Some(queued) = proposal {
+                let ProposedGroup { row, slot } = proposed_group(number, queued, terms)?;
+                slots.extend(slot);
+                groups.push(row);
+            }
         }
         Ok((groups, slots))
     }
+}
+
+/// Returns what a layout may replace in the group of a proposal; `None` if the strategy would not learn from it.
+fn opening_of(queued: &QueuedProposal) -> Result<Option<Opening>, ServiceError> {
+    let proposal: Proposal = from_json("a proposal", &queued.body)?;
+    let is_sampled = proposal.role == ProposalRole::Rung;
+    Ok(is_sampled.then(|| Opening { place: Place::of_proposal(&proposal), task: proposal.task }))
 }
 
 /// Returns true if results of leases of this purpose are evidence.

@@ -82,6 +82,7 @@ pub(crate) async fn update_and_close(
         summary.groups.push(closed);
     }
     group_counters::add(run.conn, &lease.run, &group_sums).await?;
+    designs::outcome::add_learning_signals(run, lease, &closing).await?;
     if lease.is_columns() {
         summary.groups.clear();
         return Ok(summary);
@@ -131,15 +132,16 @@ impl ClosingGroup<'_> {
         if group.is_training_or_probe() {
             add_to_history(run, self);
         }
-        if let Some(seq) = group.proposal {
-            self.observe_proposed_group(run, seq).await
-        } else if group.layout.is_some() {
+        if group.layout.is_some() {
             designs::outcome::observe_designed_group(run, lease, group, is_enough).await?;
-            Ok(Vec::new())
-        } else {
-            evaluations::store_results::store_reported_group(run, lease, group).await?;
-            Ok(Vec::new())
         }
+        if let Some(seq) = group.proposal {
+            return self.observe_proposed_group(run, seq).await;
+        }
+        if group.layout.is_none() {
+            evaluations::store_results::store_reported_group(run, lease, group).await?;
+        }
+        Ok(Vec::new())
     }
 
     /// Adds the expired episodes to the counters of the task, if the group counts.
@@ -163,7 +165,7 @@ impl ClosingGroup<'_> {
         let Self { lease, group, is_enough, .. } = self;
         let Some(body) = &self.statistics.proposal else { return Ok(Vec::new()) };
         let proposal: Proposal = from_json("a proposal", body)?;
-        if is_enough && group.is_training_or_probe() {
+        if is_enough && group.layout.is_none() {
             let params = proposal.params.iter().map(|(name, value)| ParamValue { name, value: *value });
             run.task_counts(&group.task).add_params(params);
         }

@@ -272,7 +272,8 @@ impl ReportBatch {
             }
         };
         let key = task_counters::TaskCountersKey::of(group);
-        let is_evidence = group.is_evidence && !is_stale;
+        // A sampler learns from a designed group, but it is no evidence of mastery.
+        let is_evidence = group.is_evidence && group.layout.is_none() && !is_stale;
         // An evaluation changes nothing, its task's counters included.
         if is_counted {
             if row.state == EpisodeState::Finished {

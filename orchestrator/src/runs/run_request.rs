@@ -49,7 +49,7 @@ impl TryFrom<&RunRequest> for RunSettings {
 
 /// Returns the settings of a run whose request leaves everything out. The default target follows from the group size.
 fn default_settings(group_size: u32) -> Result<RunSettings, ServiceError> {
-    let strategy = StrategyKind::Ladder;
+    let strategy = StrategyKind::Auto;
     let curriculum = Settings {
         strategy,
         hyperparameters: Hyperparameters::parse(strategy, &BTreeMap::new())?,

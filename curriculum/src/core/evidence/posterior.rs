@@ -6,27 +6,43 @@ use statrs::distribution::{Beta, ContinuousCDF};
 /// succession is its mean). Its evidence is `n` observations in [0, 1] that add up to `sum`.
 ///
 /// The success rate of a group counts as that part of a success, and the rest as a failure. Episodes of a group share
-/// a scenario and are not independent, so a group is one observation however large it is.
+/// a scenario and are not independent, so a group is one observation of a level however large it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Posterior {
-    pub(crate) n: u32,
-    pub(crate) sum: f64,
+pub struct Posterior {
+    /// Number of observations.
+    pub n: u32,
+    /// Sum of the observations, 0 to `n`.
+    pub sum: f64,
 }
 
 impl Posterior {
     /// Posterior mean, (1 + sum)/(2 + n).
-    pub(crate) fn mean(self) -> f64 {
+    #[must_use]
+    pub fn mean(self) -> f64 {
         (1.0 + self.sum) / (2.0 + f64::from(self.n))
     }
 
+    /// Posterior mean of p(1 − p), which is largest where a success rate p is near one half.
+    #[must_use]
+    pub fn mean_variance(self) -> f64 {
+        let successes = self.sum.clamp(0.0, f64::from(self.n));
+        mean_variance(1.0 + successes, 1.0 + f64::from(self.n) - successes)
+    }
+
     /// Success rate below which a share `p` of the posterior lies.
-    pub(crate) fn quantile(self, p: f64) -> f64 {
+    #[must_use]
+    pub fn quantile(self, p: f64) -> f64 {
         // Rounding may lift a sum of success rates above n by a few ulps; clamping keeps both shapes at 1 or more.
         let successes = self.sum.clamp(0.0, f64::from(self.n));
         Beta::new(1.0 + successes, 1.0 + f64::from(self.n) - successes)
             .expect("shapes of at least 1 are valid")
             .inverse_cdf(p)
     }
+}
+
+/// Mean of p(1 − p) under the distribution Beta(a, b): ab/((a + b)(a + b + 1)).
+pub(crate) fn mean_variance(a: f64, b: f64) -> f64 {
+    a * b / ((a + b) * (a + b + 1.0))
 }
 
 #[cfg(test)]
@@ -55,6 +71,14 @@ mod tests {
         let all = Posterior { n: 32, sum: 32.0 }.quantile(0.1);
         assert!((all.powi(33) - 0.1).abs() < 1e-12);
         assert!((Posterior { n: 2, sum: 1.0 }.mean() - 0.5).abs() < f64::EPSILON);
+    }
+
+    /// Beta(1, 1) is uniform, so that the mean of p(1 − p) is 1/6; many observations approach p(1 − p).
+    #[test]
+    fn mean_variance_matches_closed_forms() {
+        assert!((Posterior { n: 0, sum: 0.0 }.mean_variance() - 1.0 / 6.0).abs() < 1e-15);
+        let many = Posterior { n: 1_000_000, sum: 300_000.0 }.mean_variance();
+        assert!((many - 0.21).abs() < 1e-5, "{many}");
     }
 
     #[test]

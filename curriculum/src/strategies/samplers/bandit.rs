@@ -7,6 +7,7 @@ use env_core::KeyedRng;
 use serde::{Deserialize, Serialize};
 
 use super::{ChosenRung, RungResult, Sampler, SamplerSetting};
+use crate::core::evidence::posterior::mean_variance;
 use crate::core::settings::hyperparameters::bandit::{FORGET, UNIFORM};
 use crate::core::settings::{Hyperparameters, TaskPlan};
 
@@ -26,8 +27,7 @@ struct RungSuccess {
 impl RungSuccess {
     /// Mean of p(1 − p) under the posterior Beta(1 + successes, 1 + failures).
     fn weight(&self) -> f64 {
-        let (a, b) = (1.0 + self.successes, 1.0 + self.failures);
-        a * b / ((a + b) * (a + b + 1.0))
+        mean_variance(1.0 + self.successes, 1.0 + self.failures)
     }
 }
 

@@ -168,6 +168,15 @@ impl<S: Sampler> Strategy for Sampled<S> {
         settings.tasks.iter().map(status).collect()
     }
 
+    fn sample_rung(&self, plan: &TaskPlan, settings: &Settings, rng: &mut KeyedRng) -> Option<u32> {
+        let setting = SamplerSetting::new(plan, settings);
+        let chosen = match self.tasks.get(&plan.task) {
+            Some(state) => state.sampler.choose(&setting, rng),
+            None => S::new(plan).choose(&setting, rng),
+        };
+        Some(chosen.rung)
+    }
+
     fn explain(&self, settings: &Settings) -> Explanation {
         let rules = vec![
             "Tasks share the proposals by weight, each at least 5 %.".to_owned(),

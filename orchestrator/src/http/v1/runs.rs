@@ -59,7 +59,7 @@ fn run_warning(row: RunWarningRow) -> RunWarning {
 
 /// Create a run.
 ///
-/// All fields are optional: `{}` creates a ladder over the tasks of the first world.
+/// All fields are optional: `{}` creates a run over the tasks of the first world, under the strategy `auto`.
 #[utoipa::path(
     post, path = "/runs", tag = "runs", request_body = RunRequest,
     responses(

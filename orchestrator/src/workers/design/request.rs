@@ -11,6 +11,7 @@ use super::thread::{DesignResult, DesignTask, run_designer};
 use crate::designs::DesignerKind;
 use crate::designs::brief::{self, BriefWithArchive};
 use crate::designs::finish_design::{FinishDesignRequest, MadeLayout};
+use crate::designs::place::Place;
 use crate::designs::start_design::StartedDesignRequest;
 use crate::engine::error::ServiceError;
 use crate::metrics;
@@ -39,7 +40,7 @@ impl DesignContext {
         let started_at = Instant::now();
         let (id, run) = (request.id, request.run.clone());
         let empty = FinishDesignRequest::empty(id, run.clone(), request.task.clone());
-        let mut finish = FinishDesignRequest { level: request.level, ..empty };
+        let mut finish = FinishDesignRequest { place: request.place, ..empty };
         finish.error = self.make_layouts(&request, &mut finish).await.err();
         finish.elapsed = started_at.elapsed();
         match &finish.error {
@@ -125,7 +126,7 @@ impl FinishDesignRequest {
             id,
             run,
             task,
-            level: None,
+            place: Place::default(),
             made: Vec::new(),
             usage: designer::DesignUsage::default(),
             warnings: Vec::new(),

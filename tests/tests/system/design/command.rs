@@ -12,7 +12,7 @@ const TASK: &str = "kessler/rendezvous";
 /// Creates a run, reports episodes of a holding policy and waits until they are in the failure profile.
 async fn create_run_with_failures(api: &ApiClient) {
     let settings = json!({
-        "id": "run", "seed": 11, "placement": false, "tasks": [TASK],
+        "id": "run", "seed": 11, "strategy": "ladder", "placement": false, "tasks": [TASK],
         "task_settings": {TASK: {"physics": {"contact": "swept"}}}
     });
     let _ = api.post("/v1/runs", settings).await.expect(201);

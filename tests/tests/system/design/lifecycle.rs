@@ -13,7 +13,7 @@ use system_tests::{ApiClient, Lease, Server, run_policy};
 use super::{TASK, create, design_summary, report_losses, wait_for_critiques, wait_for_response};
 
 /// Waits until at least `layouts` layouts are active and no design request is open.
-async fn wait_for_stock(api: &ApiClient, layouts: u64) {
+pub(super) async fn wait_for_stock(api: &ApiClient, layouts: u64) {
     wait_for_response(api, "/v1/runs/run/designs/statistics", |summary| {
         summary["tasks"][0]["active"].as_u64() >= Some(layouts)
     })
@@ -27,7 +27,7 @@ async fn wait_for_stock(api: &ApiClient, layouts: u64) {
 }
 
 /// Returns the layout id of each group of a lease.
-fn layouts_of(lease: &Lease) -> Vec<Option<String>> {
+pub(super) fn layouts_of(lease: &Lease) -> Vec<Option<String>> {
     let groups = lease.0["groups"].as_array().unwrap();
     groups.iter().map(|group| group["layout"].as_str().map(str::to_owned)).collect()
 }
@@ -61,7 +61,7 @@ fn expected_layouts(
 async fn leases_serve_layouts_as_drawn() {
     let mut server = Server::start().await;
     let api = server.api();
-    create(&api, json!({"share": 0.5, "layout_share": 1.0, "reserve": 4})).await;
+    create(&api, json!({"share": 0.5, "fixed_share": true, "layout_share": 1.0, "reserve": 4})).await;
     let before = report_losses(&api).await;
     assert_eq!(layouts_of(&before), vec![None; 24], "no layout is in stock yet");
     wait_for_stock(&api, 4).await;
@@ -163,7 +163,7 @@ async fn curriculum_state(api: &ApiClient) -> Value {
 async fn designed_groups_are_no_evidence() {
     let server = Server::start().await;
     let api = server.api();
-    create(&api, json!({"share": 1.0, "layout_share": 1.0, "reserve": 6})).await;
+    create(&api, json!({"share": 1.0, "fixed_share": true, "layout_share": 1.0, "reserve": 6})).await;
     report_losses(&api).await;
     wait_for_stock(&api, 6).await;
     let before = curriculum_state(&api).await;
@@ -210,7 +210,7 @@ async fn assert_release_is_neutral(api: &ApiClient) {
 async fn retired_layout_is_not_served_until_revived() {
     let server = Server::start().await;
     let api = server.api();
-    create(&api, json!({"share": 1.0, "layout_share": 1.0, "reserve": 2})).await;
+    create(&api, json!({"share": 1.0, "fixed_share": true, "layout_share": 1.0, "reserve": 2})).await;
     report_losses(&api).await;
     wait_for_stock(&api, 2).await;
     let stock = active_layouts(&api).await;
@@ -242,7 +242,7 @@ async fn retired_layout_is_not_served_until_revived() {
 async fn mastered_layout_retires_and_returns_if_forgotten() {
     let server = Server::start().await;
     let api = server.api();
-    create(&api, json!({"share": 1.0, "layout_share": 1.0, "reserve": 1})).await;
+    create(&api, json!({"share": 1.0, "fixed_share": true, "layout_share": 1.0, "reserve": 1})).await;
     report_losses(&api).await;
     wait_for_stock(&api, 1).await;
     let first = active_layouts(&api).await.remove(0);
@@ -261,8 +261,8 @@ async fn mastered_layout_retires_and_returns_if_forgotten() {
     }
     let shown = api.get(&format!("/v1/runs/run/designs/{first}")).await.expect(200);
     assert_eq!((&shown["state"], &shown["state_reason"]), (&json!("retired"), &json!("mastered")), "{shown}");
-    assert_eq!(shown["results"]["recent"], json!(vec![1.0; 8]));
-    assert_eq!(shown["episodes"].as_array().unwrap().len(), 16);
+    assert_eq!(shown["results"]["recent"], json!([1.0, 1.0]));
+    assert_eq!(shown["episodes"].as_array().unwrap().len(), 4);
     assert_eq!(design_summary(&api).await["tasks"][0]["retired"]["mastered"], 1);
 
     // The draws decide where the retired layout is probed; a failure of the policy revives it.
@@ -286,7 +286,7 @@ async fn mastered_layout_retires_and_returns_if_forgotten() {
 async fn layout_stays_within_its_share() {
     let server = Server::start().await;
     let api = server.api();
-    create(&api, json!({"share": 1.0, "layout_share": 0.1, "reserve": 1})).await;
+    create(&api, json!({"share": 1.0, "fixed_share": true, "layout_share": 0.1, "reserve": 1})).await;
     report_losses(&api).await;
     wait_for_stock(&api, 1).await;
     let first = active_layouts(&api).await.remove(0);
@@ -344,7 +344,8 @@ async fn nothing_is_designed_if_designs_are_off() {
     assert_eq!(layouts_of(&lease), vec![None; 24]);
 
     // Placement serves no layouts, although one is in stock.
-    let placing = json!({"id": "placing", "seed": 1, "tasks": [TASK], "design": {"share": 1.0}});
+    let placing =
+        json!({"id": "placing", "seed": 1, "strategy": "ladder", "tasks": [TASK], "design": {"share": 1.0}});
     let _ = api.post("/v1/runs", placing).await.expect(201);
     let created = api.post("/v1/runs/placing/designs", json!({"count": 1})).await.expect(202);
     let path = format!("/v1/runs/placing/designs/requests/{}", created["id"].as_str().unwrap());

@@ -4,6 +4,7 @@ mod command;
 mod faults;
 mod lifecycle;
 mod llm_designer;
+mod sampled;
 mod scripted_designer;
 
 use serde_json::{Value, json};
@@ -14,7 +15,7 @@ pub(crate) const TASK: &str = "kessler/survival";
 /// Creates a run of one task with contested groups only and the given design settings.
 pub(crate) async fn create(api: &ApiClient, design: Value) {
     let settings = json!({
-        "id": "run", "seed": 11, "group_size": 2, "placement": false, "contested_share": 1.0, "target": "mastery",
+        "id": "run", "seed": 11, "strategy": "ladder", "group_size": 2, "placement": false, "contested_share": 1.0, "target": "mastery",
         "tasks": [TASK], "design": design
     });
     let _ = api.post("/v1/runs", settings).await.expect(201);

@@ -46,7 +46,7 @@ async fn lease_designed_groups(api: &ApiClient) -> Lease {
 async fn layout_pages_and_checks_of_layouts_disclose_no_plan() {
     let server = Server::start().await;
     let api = server.api();
-    design::create(&api, json!({"share": 1.0, "layout_share": 1.0, "reserve": 4})).await;
+    design::create(&api, json!({"share": 1.0, "fixed_share": true, "layout_share": 1.0, "reserve": 4})).await;
     design::report_losses(&api).await;
     let lease = lease_designed_groups(&api).await;
     let group = KnownGroup::find(&lease);

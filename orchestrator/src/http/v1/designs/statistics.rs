@@ -1,15 +1,17 @@
 //! Numbers of a run's designs.
 
 use crate::api_enums::ConvertEnum;
-use api_types::{DesignStatistics, DesignerUsage, GateCheckCount, TaskDesigns};
+use api_types::{DesignStatistics, DesignerUsage, GateCheckCount, LearningSignal, TaskDesigns};
 use axum::extract::State;
 use designer::GateCheck;
 use sqlx::Connection;
 use store::design_counters::{self, GateCount, LayoutCount, TrainingGroups};
 use store::layouts::{LayoutState, RetirementReason};
+use store::learning_signals::{self, SignalSums};
 use store::{StoreError, design_requests, from_json, runs};
 
 use crate::designs::finish_design::ADMITTED;
+use crate::designs::learning_value::ArmValue;
 use crate::engine::error::ServiceError;
 use crate::http::extract::{NoQuery, Path};
 use crate::http::path_ids::parse_run_id;
@@ -36,6 +38,7 @@ pub(in crate::http::v1) async fn get_design_statistics(
     let settings: RunSettings = from_json("a run's settings", &row.settings)?;
     let TrainingGroups { all: train_groups, designed: designed_groups } =
         design_counters::groups(&mut conn, run.as_str()).await?;
+    let signals = learning_signals::get(&mut conn, run.as_str()).await?;
     let states = design_counters::states(&mut conn, run.as_str()).await?;
     let verdicts = design_counters::verdicts(&mut conn, run.as_str()).await?;
     let totals = design_requests::totals(&mut conn, run.as_str()).await?;
@@ -48,6 +51,9 @@ pub(in crate::http::v1) async fn get_design_statistics(
         train_groups,
         designed_groups,
         share: (train_groups > 0).then(|| designed_groups as f64 / train_groups as f64),
+        next_share: settings.design.current_share(&signals),
+        designed_signal: learning_signal(signals.designed),
+        ordinary_signal: learning_signal(signals.ordinary),
         designers: totals
             .into_iter()
             .map(|totals| DesignerUsage {
@@ -61,6 +67,11 @@ pub(in crate::http::v1) async fn get_design_statistics(
             .collect(),
         llm: app.designers.health(),
     }))
+}
+
+fn learning_signal(sums: SignalSums) -> LearningSignal {
+    let ArmValue { mean, error_sq } = ArmValue::of(sums);
+    LearningSignal { groups: sums.weight, mean, standard_error: error_sq.sqrt() }
 }
 
 fn task_designs(task: &str, layouts: &[LayoutCount], verdicts: &[GateCount]) -> TaskDesigns {

@@ -31,6 +31,7 @@ pub(in crate::http::v1) fn design_summary(row: &LayoutRow) -> Result<DesignSumma
         run: row.run.clone(),
         task: row.task.clone(),
         level: row.level,
+        start_rung: row.start_rung,
         name: row.name.clone(),
         request: DesignRequestId(row.request).to_string(),
         designer: designer.convert(),
