@@ -10,23 +10,21 @@ held-out scenarios at intervals, which does not affect the curriculum.
 import argparse
 import json
 import sys
+from dataclasses import replace
 
 import torch
-from stable_baselines3 import PPO
-from stable_baselines3.common.callbacks import BaseCallback, CallbackList
+from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.utils import LinearSchedule
 
 import sparring
 import sparring.sb3
+from sparring.experiments.ppo import Config, environment_settings
+from sparring.experiments.sb3_ppo import make_envs, make_model
 
 TASKS = ["kessler/survival", "kessler/eco_station"]
-# The score covers the whole episode of fifty steps, and fuel left counts at its end: so no discount.
-SETTINGS = {"n_steps": 50, "batch_size": 2400, "n_epochs": 8, "gamma": 1.0, "gae_lambda": 0.95}
-LEARNING_RATE = 5e-4
-# Burns are rarely useful and always cost fuel. With continuous actions, exploration noise is a burn in every step, and the policy
-# first learns only to avoid its cost. So actions are discrete, and the initial policy holds (action 0) about half of the time.
-ACTIONS = "discrete"
-HOLD_BIAS = 3.0
+# Settings that were tuned for eco_station: a decision holds or makes one of four burns, at first it nearly always holds, a lost
+# satellite costs 1, and the team's rewards count double. Those of survival differ in the last point only.
+CONFIG = replace(Config.tuned("kessler/eco_station"), task=None)
 
 
 class EvaluationCallback(BaseCallback):
@@ -38,8 +36,8 @@ class EvaluationCallback(BaseCallback):
         self.next, self.curve = 0, []
 
     def evaluate(self) -> None:
-        policy = sparring.sb3.policy_fn(self.model)
-        result = sparring.evaluate(self.curriculum, policy, policy="sb3-ppo", actions=ACTIONS, stochastic=False)
+        policy, settings = sparring.sb3.policy_fn(self.model), environment_settings(CONFIG)
+        result = sparring.evaluate(self.curriculum, policy, policy="sb3-ppo", stochastic=False, **settings)
         skill = {task: result.mean(task) for task in TASKS}
         metrics = self.curriculum.metrics()
         level = {task: metrics.get(f"{task}/level") for task in TASKS}
@@ -63,16 +61,15 @@ class EvaluationCallback(BaseCallback):
 def train(args: argparse.Namespace, curriculum: sparring.Curriculum) -> None:
     """Trains a model and evaluates it at intervals."""
     torch.set_num_threads(1)
-    envs = sparring.sb3.vec_env(args.envs, curriculum=curriculum, actions=ACTIONS)
-    settings = {**SETTINGS, **sparring.sb3.active_only(envs), "policy_kwargs": {"net_arch": [128, 128]}, "seed": args.seed}
-    rate = LinearSchedule(LEARNING_RATE, 0.1 * LEARNING_RATE, end_fraction=1.0)
-    model = PPO("MlpPolicy", envs, **settings, learning_rate=rate, device="cpu", tensorboard_log=args.tensorboard)
-    with torch.no_grad():
-        model.policy.action_net.bias[0] = HOLD_BIAS
+    config = replace(CONFIG, num_envs=args.envs, seed=args.seed)
+    envs = make_envs(config, curriculum)
+    rate = LinearSchedule(config.learning_rate, 0.1 * config.learning_rate, end_fraction=1.0)
+    model = make_model(config, envs, rate)
+    model.tensorboard_log = args.tensorboard
     evaluations = EvaluationCallback(curriculum, max(1, args.steps // args.evaluations), args.plot)
     # The model counts a step per satellite: three for a step of an environment.
     try:
-        model.learn(args.steps, callback=CallbackList([evaluations, sparring.sb3.CurriculumCallback(curriculum)]))
+        model.learn(args.steps, callback=[evaluations, sparring.sb3.CurriculumCallback(curriculum)])
     except KeyboardInterrupt:
         print("Stopped. The model has the weights of its last update.", file=sys.stderr)
     envs.close()
@@ -104,9 +101,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--url", help="address of a running server (default: start one)")
     parser.add_argument("--steps", type=int, default=1_000_000, help="steps of satellites, as the model counts (%(default)s)")
-    parser.add_argument("--envs", type=int, default=64, help="environments with three satellites each (%(default)s)")
+    parser.add_argument("--envs", type=int, default=128, help="environments with three satellites each (%(default)s)")
     parser.add_argument("--evaluations", type=int, default=10, help="evaluations on the held-out suite (%(default)s)")
-    parser.add_argument("--strategy", default="uniform", help="strategy of the curriculum (%(default)s)")
+    parser.add_argument("--strategy", help="strategy of the curriculum (default: that of the server)")
     parser.add_argument("--seed", type=int, default=1, help="seed of the policy and its sampling (%(default)s)")
     parser.add_argument("--tensorboard", help="folder for TensorBoard")
     parser.add_argument("--plot", help="file for a plot of the evaluations (needs matplotlib)")
@@ -114,7 +111,7 @@ def main() -> None:
     args = parser.parse_args()
     if min(args.steps, args.envs, args.evaluations, args.seed) < 1:
         parser.error("--steps, --envs, --evaluations and --seed must be >= 1")
-    settings = {"tasks": TASKS, "name": "sb3", "strategy": args.strategy}
+    settings = {"tasks": TASKS, "name": "sb3"} | ({"strategy": args.strategy} if args.strategy else {})
     try:
         curriculum = sparring.Curriculum.open(args.url, settings=settings, form="groups")
     except (sparring.CurriculumError, ValueError) as error:

@@ -209,9 +209,8 @@ class Curriculum:
             columns = self._form == "columns" or (
                 self._form == "auto" and num_envs >= MIN_COLUMN_ENVS and self._supports_columns()
             )
-            size = self._lease_settings["group_size"] or self._run_group_size
-            default_groups = max(1, min(DEFAULT_LEASE_GROUPS, MAX_GROUP_EPISODES // size))
-            column_groups = min(max(num_envs, DEFAULT_LEASE_GROUPS), MAX_LEASE_GROUPS, MAX_COLUMN_EPISODES // size)
+            default_groups = max(1, min(DEFAULT_LEASE_GROUPS, MAX_GROUP_EPISODES // self.group_size))
+            column_groups = min(max(num_envs, DEFAULT_LEASE_GROUPS), MAX_LEASE_GROUPS, MAX_COLUMN_EPISODES // self.group_size)
             groups = self._lease_groups or (max(1, column_groups) if columns else default_groups)
             fallback_groups = self._lease_groups or default_groups if self._form == "auto" else None
             self._native = _native.NativeCurriculum(
@@ -230,6 +229,11 @@ class Curriculum:
         strategy = self.request("GET", self._run_path)["settings"]["curriculum"]["strategy"]
         strategies = self.request("GET", "/v1/strategies")["strategies"]
         return any(row["supports_columns"] for row in strategies if row["name"] == strategy)
+
+    @property
+    def group_size(self) -> int:
+        """Number of episodes of each scenario: that of this curriculum's leases, else the run's."""
+        return int(self._lease_settings["group_size"] or self._run_group_size)
 
     @property
     def policy_version(self) -> int:

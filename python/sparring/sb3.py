@@ -29,19 +29,36 @@ except ImportError as error:
 from .curriculum import Curriculum
 from .errors import invalid
 from .metrics import read_metrics
+from .settings import check_count
 from .trainer_metrics import TrainerReport
 from .vector import VectorEnvironment, make_vec
+from .vector_results import AgentResults
+
+#: Function from the results of a step to the rewards of all agents, envs × agents.
+Reward = Callable[[AgentResults], npt.NDArray[np.float32]]
 
 
-def vec_env(num_envs: int, task: str | None = None, *, curriculum: Curriculum | None = None, **environment: Any) -> AgentsVecEnv:
+def vec_env(
+    num_envs: int,
+    task: str | None = None,
+    *,
+    curriculum: Curriculum | None = None,
+    decision_steps: int = 1,
+    reward: Reward | None = None,
+    **environment: Any,
+) -> AgentsVecEnv:
     """Makes environments for Stable-Baselines3 with one row per agent, so that one policy controls all agents.
 
-    Each deputy of docking has its own reward. Each satellite of kessler has the team's reward. `AgentsVecEnv` describes the rows.
+    Without `reward`, each deputy of docking has its own reward, and each satellite of kessler that of the team. `AgentsVecEnv`
+    describes the rows.
 
     Args:
         num_envs: Number of environments; `envs.num_envs` is this times the number of agents.
         task: As for `sparring.make_vec`.
         curriculum: As for `sparring.make_vec`.
+        decision_steps: Steps for which an action is repeated, or until an episode ends; rewards add up.
+        reward: Function from the results of a step to the rewards of all agents, such as −1 for an own loss. Agents that have
+            left get none.
         environment: Other arguments of `sparring.make_vec`; `observation` cannot be `telemetry`, which has no rows.
 
     Raises:
@@ -52,7 +69,9 @@ def vec_env(num_envs: int, task: str | None = None, *, curriculum: Curriculum | 
             raise ValueError(f"`{name}` must be omitted: vec_env sets the value that Stable-Baselines3 needs")
     if environment.get("observation") == "telemetry":
         raise invalid("observation", "tracks or state, which have a row per agent", environment["observation"])
-    return AgentsVecEnv(make_vec(task, num_envs, curriculum=curriculum, autoreset_mode="same_step", **environment))
+    check_count("decision_steps", decision_steps, 1)
+    envs = make_vec(task, num_envs, curriculum=curriculum, autoreset_mode="same_step", **environment)
+    return AgentsVecEnv(envs, decision_steps, reward)
 
 
 def active_only(envs: VecEnv) -> dict[str, Any]:
@@ -95,13 +114,17 @@ class AgentsVecEnv(VecEnv):
     All rows of an environment are done once, in the last step of its episode, with `terminal_observation` and
     `TimeLimit.truncated`. Their infos have `episode`, with the team's return and length, as `Monitor` writes it:
     `evaluate_policy` uses it. A satellite's row has the team's reward in every step, also after the satellite is lost. A
-    deputy's row has the deputy's reward, and zeros once it has left or if the scenario does not have it. `active_only` hides
-    rows without an active agent from PPO and A2C; other algorithms learn from all rows.
+    deputy's row has the deputy's reward, and zeros once it has left or if the scenario does not have it. A function `reward`
+    replaces both. `active_only` hides rows without an active agent from PPO and A2C; other algorithms learn from all rows.
     """
 
-    def __init__(self, envs: VectorEnvironment) -> None:
+    def __init__(self, envs: VectorEnvironment, decision_steps: int = 1, reward: Reward | None = None) -> None:
         #: The wrapped environments.
         self.envs = envs
+        #: Steps for which an action is repeated.
+        self.decision_steps = decision_steps
+        self._reward = reward
+        self._absent = np.zeros(0, np.bool_)
         discrete = envs.single_action_space.shape is not None and len(envs.single_action_space.shape) == 1
         observation_space, action_space = envs.single_observation_space, envs.single_action_space
         #: Number of agents of an environment.
@@ -140,11 +163,16 @@ class AgentsVecEnv(VecEnv):
 
     def step_wait(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.bool_], list[dict[str, Any]]]:
         """Runs the step with the actions of `step_async`."""
-        observations, team_rewards, _, _, env_infos = self.envs.step(self._actions.reshape(self._joint_shape))
+        actions = self._actions.reshape(self._joint_shape)
+        observations, team_rewards, _, _, env_infos = self.envs.step(actions, repeat=self.decision_steps)
         results = self.envs.agent_results()
-        rewards = results.rewards.reshape(-1)
-        if self._has_team_rewards:
+        if self._reward is not None:
+            # The end of an agent that has left is repeated in each later step.
+            rewards = np.where(self._absent, np.float32(0.0), self._reward(results)).reshape(-1)
+        elif self._has_team_rewards:
             rewards = np.repeat(team_rewards.astype(np.float32), self.agents)
+        else:
+            rewards = results.rewards.reshape(-1)
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         dones = np.zeros(self.num_envs, np.bool_)
         if "_episode" in env_infos:
@@ -168,7 +196,8 @@ class AgentsVecEnv(VecEnv):
         return observations.reshape(self.num_envs, -1)
 
     def _active_rows(self) -> npt.NDArray[np.bool_]:
-        active = ~self.envs.absent_agents()
+        self._absent = self.envs.absent_agents().copy()
+        active = ~self._absent
         if self.envs.curriculum is not None:
             active &= self.envs.train[:, None]
         return active.reshape(-1)

@@ -45,6 +45,9 @@ COMMAND_TESTS = {
     ("docs/guides/train-own-loop.md", "python -m sparring.experiments curriculum"): (
         "python/tests/trainers/test_curricula_compared.py::test_printed_commands_define_experiments"
     ),
+    ("docs/guides/train-own-loop.md", "python -m sparring.experiments evidence"): (
+        "python/tests/trainers/test_evidence.py::test_printed_command_learns_from_groups"
+    ),
     ("docs/guides/train-rllib.md", "python examples/rllib_ppo.py"): (
         "python/tests/heavy/test_printed.py::test_printed_command_for_several_hosts_is_valid"
     ),

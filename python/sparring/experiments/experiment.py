@@ -24,7 +24,7 @@ DESIGNS = "+designs"
 #: Arm with which the others are compared.
 BASELINE = "uniform"
 #: Packages whose versions affect the results.
-PACKAGES = ("numpy", "gymnasium", "torch", "rliable")
+PACKAGES = ("numpy", "gymnasium", "torch", "stable-baselines3", "rliable")
 #: File with the definition of the experiment.
 EXPERIMENT_FILE = "experiment.json"
 #: File with the server's comparisons of each arm with the baseline.

@@ -28,45 +28,43 @@ import sparring
 
 from ..errors import invalid
 from ..trainer_metrics import TrainerReport
+from ..vector_results import AgentResults
 
 #: Reward of an agent from which its end counts as a success: a deputy that docks gets more, any other end costs something.
 SUCCESS_REWARD = 0.5
 
 
-def _option(default: Any, help: str) -> Any:
+def option(default: Any, help: str) -> Any:
+    """Returns a field of a config with its description."""
     return field(default=default, metadata={"help": help})
 
 
 @dataclass(frozen=True)
-class Config:
-    """Hyperparameters of a training. `Config.tuned` returns those of a task."""
+class LearnerConfig:
+    """Hyperparameters of policies, their rewards and the clipped objective, which learners share."""
 
-    task: str | None = _option(None, "id of a task (default: kessler/survival, or the tasks of the run)")
-    level: int | None = _option(None, "level, 0 to 9, if there is no curriculum (default: the default params)")
-    steps: int = _option(300_000, "total env-steps; a step of an environment counts once, for any number of agents")
-    num_envs: int = _option(128, "number of environments")
-    rollout: int = _option(50, "decisions of each environment per update; 50 is an episode of kessler")
-    decision_steps: int = _option(1, "env-steps for which an action is repeated")
-    observation: str | None = _option(None, "observation mode (default: that of the world)")
-    actions: str = _option("few", "`few` actions, or the larger grid of `discrete` ones")
-    hold_logit: float = _option(3.0, "initial logit of hold; a policy that first does little learns sooner what acting changes")
-    reward_weight: float = _option(0.0, "weight of the environment's rewards")
-    loss_cost: float = _option(1.0, "cost of an agent's own loss: its end before the horizon without a success")
-    success_reward: float = _option(0.0, "reward of an agent that ends with success, as a deputy that docks")
-    threads: int = _option(1, "threads of environments and of torch")
-    learning_rate: float = _option(2e-3, "learning rate of Adam at the start; it falls linearly to a tenth")
-    gamma: float = _option(0.98, "discount factor of a decision")
-    gae_lambda: float = _option(0.8, "lambda of generalised advantage estimation")
-    epochs: int = _option(4, "passes over a rollout")
-    minibatch: int = _option(1024, "rows of a minibatch, with one update each")
-    clip: float = _option(0.2, "clip range of the probability ratio")
-    entropy_weight: float = _option(0.0, "weight of the entropy bonus")
-    max_grad_norm: float = _option(0.5, "maximum norm of gradients")
-    hidden: int = _option(64, "units of each of the two hidden layers")
-    seed: int = _option(1, "seed of weights, exploration and, without a curriculum, scenarios")
+    task: str | None = option(None, "id of a task (default: kessler/survival, or the tasks of the run)")
+    steps: int = option(300_000, "total env-steps; a step of an environment counts once, for any number of agents")
+    num_envs: int = option(128, "number of environments")
+    decision_steps: int = option(1, "env-steps for which an action is repeated")
+    observation: str | None = option(None, "observation mode (default: that of the world)")
+    actions: str = option("few", "`few` actions, or the larger grid of `discrete` ones")
+    hold_logit: float = option(3.0, "initial logit of hold; a policy that first does little learns sooner what acting changes")
+    reward_weight: float = option(0.0, "weight of the environment's rewards")
+    loss_cost: float = option(1.0, "cost of an agent's own loss: its end before the horizon without a success")
+    success_reward: float = option(0.0, "reward of an agent that ends with success, as a deputy that docks")
+    threads: int = option(1, "threads of environments and of torch")
+    learning_rate: float = option(2e-3, "learning rate of Adam at the start; it falls linearly to a tenth")
+    epochs: int = option(4, "passes over a rollout")
+    minibatch: int = option(1024, "rows of a minibatch, with one update each")
+    clip: float = option(0.2, "clip range of the probability ratio")
+    entropy_weight: float = option(0.0, "weight of the entropy bonus")
+    max_grad_norm: float = option(0.5, "maximum norm of gradients")
+    hidden: int = option(64, "units of each of the two hidden layers")
+    seed: int = option(1, "seed of weights, exploration and, without a curriculum, scenarios")
 
     def __post_init__(self) -> None:
-        for name in ("steps", "num_envs", "rollout", "decision_steps", "threads", "epochs", "minibatch", "hidden"):
+        for name in ("steps", "num_envs", "decision_steps", "threads", "epochs", "minibatch", "hidden"):
             if getattr(self, name) < 1:
                 raise invalid(name, ">= 1", getattr(self, name))
         if not 0 <= self.seed < 2**32:
@@ -74,6 +72,21 @@ class Config:
         for name in ("learning_rate", "clip", "max_grad_norm"):
             if not getattr(self, name) > 0.0:
                 raise invalid(name, "> 0", getattr(self, name))
+
+
+@dataclass(frozen=True)
+class Config(LearnerConfig):
+    """Hyperparameters of a training by PPO. `Config.tuned` returns those of a task."""
+
+    level: int | None = option(None, "level, 0 to 9, if there is no curriculum (default: the default params)")
+    rollout: int = option(50, "decisions of each environment per update; 50 is an episode of kessler")
+    gamma: float = option(0.98, "discount factor of a decision")
+    gae_lambda: float = option(0.8, "lambda of generalised advantage estimation")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.rollout < 1:
+            raise invalid("rollout", ">= 1", self.rollout)
         for name in ("gamma", "gae_lambda"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise invalid(name, "from 0 to 1", getattr(self, name))
@@ -110,35 +123,15 @@ def tuned_settings(task: str) -> dict[str, Any]:
     return {**TUNED.get(task.split("/")[0], {}), **TUNED.get(task, {})}
 
 
-class Policy(nn.Module):
-    """Actor and critic of one agent, without shared weights. The actor has a logit for each action."""
+class Actor(nn.Module):
+    """Policy of one agent, with a logit for each action."""
 
-    def __init__(self, observation_size: int, choices: int, config: Config) -> None:
+    def __init__(self, observation_size: int, choices: int, config: LearnerConfig) -> None:
         super().__init__()
         self.sizes, self.config = (observation_size, choices), config
         self.actor = _layers(observation_size, config.hidden, choices, 0.01)
-        self.critic = _layers(observation_size, config.hidden, 1, 1.0)
         with torch.no_grad():
             self.actor[-1].bias[0] = config.hold_logit
-
-    def save(self, file: str) -> None:
-        """Saves the weights and the configuration."""
-        torch.save({"config": asdict(self.config), "sizes": self.sizes, "weights": self.state_dict()}, file)
-
-    @staticmethod
-    def load(file: str) -> Policy:
-        """Loads a saved policy.
-
-        Raises:
-            ValueError: The file has no saved policy.
-        """
-        saved = torch.load(file)
-        if not isinstance(saved, dict) or not {"sizes", "config", "weights"} <= saved.keys():
-            raise invalid("file", "a file that Policy.save wrote", file)
-        observation_size, choices = saved["sizes"]
-        policy = Policy(observation_size, choices, Config(**saved["config"]))
-        policy.load_state_dict(saved["weights"])
-        return policy
 
     def act(self, observations: npt.NDArray[np.float32]) -> npt.NDArray[np.int64]:
         """Returns the most likely actions of all agents of all environments, for `sparring.evaluate`."""
@@ -160,6 +153,33 @@ class Policy(nn.Module):
         return actions, log_probs.gather(-1, actions.unsqueeze(-1)).squeeze(-1)
 
 
+class Policy(Actor):
+    """Actor and critic of one agent, without shared weights."""
+
+    def __init__(self, observation_size: int, choices: int, config: LearnerConfig) -> None:
+        super().__init__(observation_size, choices, config)
+        self.critic = _layers(observation_size, config.hidden, 1, 1.0)
+
+    def save(self, file: str) -> None:
+        """Saves the weights and the configuration."""
+        torch.save({"config": asdict(self.config), "sizes": self.sizes, "weights": self.state_dict()}, file)
+
+    @staticmethod
+    def load(file: str) -> Policy:
+        """Loads a saved policy.
+
+        Raises:
+            ValueError: The file has no saved policy.
+        """
+        saved = torch.load(file)
+        if not isinstance(saved, dict) or not {"sizes", "config", "weights"} <= saved.keys():
+            raise invalid("file", "a file that Policy.save wrote", file)
+        observation_size, choices = saved["sizes"]
+        policy = Policy(observation_size, choices, Config(**saved["config"]))
+        policy.load_state_dict(saved["weights"])
+        return policy
+
+
 def _layers(inputs: int, hidden: int, outputs: int, gain: float) -> nn.Sequential:
     def layer(layer_inputs: int, layer_outputs: int, gain: float) -> nn.Linear:
         linear = nn.Linear(layer_inputs, layer_outputs)
@@ -171,6 +191,16 @@ def _layers(inputs: int, hidden: int, outputs: int, gain: float) -> nn.Sequentia
     return nn.Sequential(
         layer(inputs, hidden, root), nn.Tanh(), layer(hidden, hidden, root), nn.Tanh(), layer(hidden, outputs, gain)
     )
+
+
+def agent_rewards(results: AgentResults, config: LearnerConfig) -> npt.NDArray[np.float32]:
+    """Returns the rewards of all agents for a step: the environment's with a weight, for a success, and for an own loss."""
+    success = results.terminations & (results.rewards > SUCCESS_REWARD)
+    lost = results.terminations & ~results.truncations & ~success
+    total: npt.NDArray[np.float32] = (
+        config.reward_weight * results.rewards + config.success_reward * success - config.loss_cost * lost
+    ).astype(np.float32)
+    return total
 
 
 class Rollout:
@@ -211,7 +241,7 @@ class Rollout:
             out = (self.out[step + 1], *self._team)
             *_, infos = envs.step(self.actions[step], out, self.config.decision_steps)
             results = envs.agent_results()
-            self.rewards[step] = self._reward(results)
+            self.rewards[step] = agent_rewards(results, self.config)
             self.dones[step] = results.terminations | results.truncations
             absent |= self.dones[step]
             if "_episode" in infos:
@@ -223,15 +253,6 @@ class Rollout:
             self.values[:] = policy.critic(torch.from_numpy(self.observations)).squeeze(-1).numpy()
         return returns
 
-    def _reward(self, results: Any) -> npt.NDArray[np.float32]:
-        config, rewards = self.config, results.rewards
-        success = results.terminations & (rewards > SUCCESS_REWARD)
-        lost = results.terminations & ~results.truncations & ~success
-        total: npt.NDArray[np.float32] = (
-            config.reward_weight * rewards + config.success_reward * success - config.loss_cost * lost
-        ).astype(np.float32)
-        return total
-
     def advantages(self, gamma: float, gae_lambda: float) -> npt.NDArray[np.float32]:
         """Returns generalised advantages. An episode ends at its horizon, since the score counts no later reward."""
         advantages = np.zeros_like(self.rewards)
@@ -242,6 +263,21 @@ class Rollout:
             last = delta + gamma * gae_lambda * continues * last
             advantages[step] = last
         return advantages
+
+
+def policy_loss(
+    log_probs: torch.Tensor, actions: torch.Tensor, old_log_probs: torch.Tensor, advantages: torch.Tensor, config: LearnerConfig
+) -> torch.Tensor:
+    """Returns the negative clipped objective of some rows, with the entropy bonus.
+
+    `log_probs` are those of all actions now, rows × actions; `old_log_probs` those of the taken `actions` (rows × 1) then.
+    """
+    ratio = (log_probs.gather(-1, actions).squeeze(-1) - old_log_probs).exp()
+    clipped = ratio.clamp(1 - config.clip, 1 + config.clip)
+    loss = -torch.min(ratio * advantages, clipped * advantages).mean()
+    if config.entropy_weight:
+        loss = loss + config.entropy_weight * (log_probs.exp() * log_probs).sum(-1).mean()
+    return loss
 
 
 def learn(policy: Policy, optimizer: torch.optim.Optimizer, rollout: Rollout, config: Config) -> dict[str, float]:
@@ -265,12 +301,8 @@ def learn(policy: Policy, optimizer: torch.optim.Optimizer, rollout: Rollout, co
         for batch in torch.randperm(len(observations)).chunk(max(1, len(observations) // config.minibatch)):
             batch_rows, advantage = observations[batch], row_advantages[batch]
             log_probs = policy.actor(batch_rows).log_softmax(-1)
-            ratio = (log_probs.gather(-1, actions[batch]).squeeze(-1) - old_log_probs[batch]).exp()
-            clipped = ratio.clamp(1 - config.clip, 1 + config.clip)
-            loss = -torch.min(ratio * advantage, clipped * advantage).mean()
+            loss = policy_loss(log_probs, actions[batch], old_log_probs[batch], advantage, config)
             value_loss = (policy.critic(batch_rows).squeeze(-1) - targets[batch]).pow(2).mean()
-            if config.entropy_weight:
-                loss = loss + config.entropy_weight * (log_probs.exp() * log_probs).sum(-1).mean()
             optimizer.zero_grad()
             (loss + 0.5 * value_loss).backward()
             nn.utils.clip_grad_norm_(parameters, config.max_grad_norm)
@@ -294,7 +326,7 @@ def make_envs(config: Config, curriculum: sparring.Curriculum | None) -> sparrin
     )
 
 
-def environment_settings(config: Config) -> dict[str, Any]:
+def environment_settings(config: LearnerConfig) -> dict[str, Any]:
     """Returns the arguments of `sparring.make_vec` for the observations and actions of a policy."""
     return {"observation": config.observation, "actions": config.actions}
 

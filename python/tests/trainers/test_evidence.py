@@ -4,10 +4,12 @@ import csv
 import dataclasses
 import json
 import pathlib
+import sys
 
 import numpy as np
 import pytest
 from conftest import BINARY, needs_server
+from documents import printed_command, run_command
 
 pytest.importorskip("torch")
 pytest.importorskip("scipy")
@@ -69,9 +71,21 @@ def test_ramp_climbs_all_rungs_before_three_quarters():
 
 def test_planned_trainings_begin_with_the_claims():
     trainings = runner.planned()
-    assert len(trainings) == len(protocol.PROBLEMS) * (3 * 10 + (len(protocol.ARMS) - 3) * 5)
-    assert {each.arm for each in trainings[: len(protocol.PROBLEMS) * 30]} == set(protocol.CLAIMED)
+    first = [problem for problem in protocol.PROBLEMS if problem.learner == "ppo"]
+    assert len(first) == 8
+    assert len(trainings) == len(first) * (3 * 10 + 9 * 5) + (4 + 2 + 2) * 5
+    assert {each.arm for each in trainings[: len(first) * 30]} == set(protocol.CLAIMED)
+    assert {each.seed for each in runner.planned(["docking/single-sb3"])} == {101, 102, 103, 104, 105}
     assert len(runner.planned([TASK], ["auto"], [101, 102])) == 2
+
+
+def test_groups_belong_to_the_problem_and_the_target_to_the_arm():
+    groups, single = (protocol.find_problem(f"kessler/survival{name}") for name in ("-groups", ""))
+    settings = groups.run_settings(protocol.find_arm("ladder"), 101)
+    assert (settings["group_size"], settings["target"], settings["strategy"]) == (8, "half", "ladder")
+    assert "target" not in groups.run_settings(protocol.find_arm("auto"), 101)
+    assert single.run_settings(protocol.find_arm("auto"), 101)["group_size"] == 1
+    assert single.run_settings(protocol.find_arm("plr"), 101)["group_size"] == 4
 
 
 def test_protocol_page_has_the_numbers_of_the_code():
@@ -91,6 +105,7 @@ def test_invalid_option_is_reported_in_one_line(tmp_path, capsys):
         ("--seeds", "x"),
         ("--jobs", "0"),
         ("--budget", "0"),
+        ("--arms", "plr", "--problems", "kessler/survival-groups"),
         ("--report",),
     ):
         assert cli.main(["--out", str(tmp_path), *options]) == 2
@@ -118,6 +133,38 @@ def test_held_out_flights_are_those_of_single_environments(tmp_path):
         score = infos["episode"]["r"][0]
         gap = scenarios.references[number] - scenarios.floors[number]
         assert measured.skill[0, number] == pytest.approx(np.clip((score - scenarios.floors[number]) / gap, -1, 1), abs=1e-6)
+
+
+@needs_server
+def test_printed_command_learns_from_groups(tmp_path):
+    shorter = {"--arms uniform-levels,auto": "--arms ladder"}
+    command = printed_command("docs/guides/train-own-loop.md", "python -m sparring.experiments evidence", shorter)
+    run_command(command, tmp_path, "--budget", "60000", "--binary", BINARY)
+    results = json.loads((tmp_path / "groups/trainings/kessler-survival-groups/ladder-101.json").read_text())
+    assert 0.0 < results["zero_variance"] < 1.0
+    assert results["curve"][-1]["steps"] >= 60_000
+    report = (tmp_path / "groups/report.md").read_text()
+    assert f"| {results['zero_variance']:.2f} |" in report
+
+
+@needs_server
+def test_second_learner_trains_by_the_same_protocol(tmp_path):
+    pytest.importorskip("stable_baselines3")
+    options = ["--problems", "kessler/survival-sb3", "--arms", "auto", "--seeds", "101", "--budget", "12800"]
+    assert cli.main([*options, "--binary", BINARY, "--out", str(tmp_path)]) == 0
+    results = json.loads((tmp_path / "trainings/kessler-survival-sb3/auto-101.json").read_text())
+    assert [look["steps"] for look in results["curve"]] == [6400, 12800]
+    assert -1.0 <= results["final"]["skill"] <= 1.0
+    assert results["versions"]["stable-baselines3"] != "none"
+
+
+def test_missing_package_of_a_learner_is_reported(tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "sparring.experiments.sb3_ppo", None)
+    monkeypatch.setitem(sys.modules, "sparring.sb3", None)
+    monkeypatch.delattr("sparring.experiments.sb3_ppo", raising=False)
+    assert cli.main(["--out", str(tmp_path), "--problems", "docking/single-sb3"]) == 2
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert error.startswith("--problems docking/single-sb3:")
 
 
 @needs_server

@@ -170,6 +170,40 @@ def test_rows_equal_those_of_the_environments(actions):
     single.close()
 
 
+def test_decisions_and_rewards_are_those_of_the_arguments():
+    def own_loss(results):
+        return -(results.terminations & ~results.truncations).astype(np.float32)
+
+    envs = sparring.sb3.vec_env(8, "kessler/survival", level=9, reward=own_loss)
+    envs.seed(2)
+    envs.reset()
+    totals, episodes, ended_early = np.zeros(24), np.zeros(24), np.zeros(24, bool)
+    for _ in range(120):
+        _, rewards, dones, _ = envs.step(np.zeros((24, 2), np.float32))
+        totals += rewards
+        episodes += dones
+        lost = rewards < 0.0
+        assert envs.active[lost].all()
+        ended_early |= lost & ~dones
+        assert not envs.next_active[lost & ~dones].any()
+    assert ended_early.any(), "no satellite was lost before its episode ended"
+    assert (totals < 0.0).any() and (-totals <= episodes + 1).all(), "a lost satellite costs 1 once in an episode"
+    docking = sparring.sb3.vec_env(2, "docking/single", actions="few", decision_steps=5)
+    single = sparring.make_vec("docking/single", 2, actions="few", autoreset_mode="same_step")
+    docking.seed(3)
+    assert (docking.reset() == single.reset(seed=3)[0].reshape(2, -1)).all()
+    actions = np.array([[1], [4]])
+    rows, rewards, *_ = docking.step(actions[:, 0])
+    returns = np.zeros(2)
+    for _ in range(5):
+        observations, step_rewards, *_ = single.step(actions)
+        returns += step_rewards
+    assert (rows == observations.reshape(2, -1)).all()
+    assert rewards == pytest.approx(returns, abs=1e-5)
+    with pytest.raises(ValueError, match="`decision_steps` must be an integer >= 1, got 0"):
+        sparring.sb3.vec_env(2, decision_steps=0)
+
+
 def test_invalid_setting_is_named():
     with pytest.raises(ValueError, match="autoreset_mode"):
         sparring.sb3.vec_env(2, "survival", autoreset_mode="disabled")

@@ -54,6 +54,11 @@ def _run(args: argparse.Namespace) -> None:
     problems = [find_problem(name).name for name in split_list(args.problems)]
     arms = [find_arm(name).name for name in split_list(args.arms)]
     trainings = runner.planned(problems, arms, _read_seeds(args.seeds))
+    if not trainings:
+        known = "; ".join(f"{problem.name}: {', '.join(problem.arms)}" for problem in PROBLEMS if problem.name in problems)
+        raise ExperimentError(
+            f"--arms and --seeds must be of a training of the protocol ({known}), got {args.arms} and {args.seeds}"
+        )
     for name, value in (("jobs", args.jobs), ("budget", args.budget)):
         if value is not None and value < 1:
             raise ExperimentError(f"--{name} must be >= 1, got {value}")

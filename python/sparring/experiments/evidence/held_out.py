@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -14,11 +14,25 @@ import torch
 import sparring
 
 from ..experiment import write_json
-from ..ppo import SUCCESS_REWARD, Policy, environment_settings
+from ..ppo import SUCCESS_REWARD, LearnerConfig, environment_settings
 from .protocol import HELD_OUT_SCENARIOS, HELD_OUT_SEED
 
 #: Environments that fly the scenarios, a few at a time.
 ENVS = 50
+
+
+class FlyingPolicy(Protocol):
+    """Policy of a learner, as evaluations use it."""
+
+    #: Values of an agent's observation, and number of actions.
+    sizes: tuple[int, int]
+
+    @property
+    def config(self) -> LearnerConfig:
+        """Settings of its observations and actions."""
+
+    def sample(self, observations: npt.NDArray[np.float32]) -> npt.NDArray[np.int64]:
+        """Samples actions of all agents of all environments."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +94,7 @@ class Measured:
         return float(values[1::2].mean(axis=0)[rank[: max(1, len(rank) // 10)]].mean())
 
 
-def measure(policy: Policy, held_out: HeldOut, episodes: int, seed: int) -> Measured:
+def measure(policy: FlyingPolicy, held_out: HeldOut, episodes: int, seed: int) -> Measured:
     """Flies every scenario some times by a policy that samples its actions; does not change the state of torch."""
     flights = Flights(policy, held_out.scenarios * episodes)
     with torch.random.fork_rng():
@@ -95,7 +109,7 @@ def measure(policy: Policy, held_out: HeldOut, episodes: int, seed: int) -> Meas
 class Flights:
     """Flies scenarios in some environments, each of which takes the next one when its episode ends."""
 
-    def __init__(self, policy: Policy, scenarios: list[sparring.Scenario]) -> None:
+    def __init__(self, policy: FlyingPolicy, scenarios: list[sparring.Scenario]) -> None:
         self.policy, self.scenarios = policy, scenarios
         self.returns = np.zeros(len(scenarios))
         self.success = np.zeros(len(scenarios), np.bool_)

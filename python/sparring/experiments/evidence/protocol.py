@@ -1,4 +1,4 @@
-"""The protocol in code: tasks, budgets, thresholds, arms and seeds. They were fixed before the first run."""
+"""The protocol in code: tasks, budgets, thresholds, arms and seeds. They were fixed before the first run of each learner."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Any, TypeVar
 import sparring
 
 from ..experiment import ExperimentError
-from ..ppo import Config
 
 #: Seeds of the claims, which no tuning used: the first are those of all arms, all of them those of the arms of the claims.
 SEEDS = tuple(range(101, 111))
@@ -30,40 +29,6 @@ FINAL_EPISODES = 8
 
 
 @dataclass(frozen=True)
-class Problem:
-    """A task with a reward, a budget and the thresholds of a held-out measure."""
-
-    name: str
-    task: str
-    #: Environment steps of a training, which include probes and scoring rollouts.
-    budget: int
-    #: Held-out measure, averaged over the scenarios: `success`, or `skill`.
-    measure: str
-    #: Values of the measure of which the steps are counted. Claims are about the first.
-    thresholds: tuple[float, float]
-    #: Settings of the learner that differ from those tuned for the task.
-    learner: dict[str, Any] = field(default_factory=dict)
-
-    def config(self, seed: int) -> Config:
-        """Returns the settings of the learner, which were tuned with the arm `uniform-levels`."""
-        return Config.tuned(self.task, steps=self.budget, seed=seed, **self.learner)
-
-
-#: Success of a deputy is all that is rewarded.
-SUCCESS_ONLY = {"reward_weight": 0.0, "success_reward": 1.0}
-PROBLEMS = (
-    Problem("docking/single", "docking/single", 4_000_000, "success", (0.7, 0.5)),
-    Problem("docking/single-success", "docking/single", 12_000_000, "success", (0.7, 0.5), SUCCESS_ONLY),
-    Problem("docking/multiagent", "docking/multiagent", 4_000_000, "success", (0.7, 0.5)),
-    Problem("kessler/survival", "kessler/survival", 400_000, "skill", (0.5, 0.4)),
-    Problem("kessler/rendezvous", "kessler/rendezvous", 400_000, "skill", (0.25, 0.15)),
-    Problem("kessler/eco_station", "kessler/eco_station", 300_000, "skill", (0.5, 0.3)),
-    Problem("kessler/formation", "kessler/formation", 300_000, "skill", (0.08, 0.05)),
-    Problem("tasking/scanning", "tasking/scanning", 300_000, "skill", (0.1, 0.0)),
-)
-
-
-@dataclass(frozen=True)
 class Arm:
     """A way to choose the scenarios of a training."""
 
@@ -72,28 +37,29 @@ class Arm:
     description: str
     #: Hyperparameters of the strategy that differ from the defaults.
     hyperparameters: dict[str, Any] = field(default_factory=dict)
-    #: Episodes for each scenario.
+    #: Episodes for each scenario, unless the problem sets them.
     group_size: int = 1
+    #: Rule of the level moves (default: that of the run, `half` for groups of several episodes).
+    target: str | None = None
     #: Returns the level table for a share of the budget that is used up, 0 to 1; None if the table does not change.
     levels: Callable[[str, float], dict[str, Any]] | None = None
 
-    def run_settings(self, task: str, seed: int) -> dict[str, Any]:
-        """Returns the settings of a run, for `POST /v1/runs`."""
+    def run_settings(self, task: str, seed: int, group_size: int | None = None) -> dict[str, Any]:
+        """Returns the settings of a run, for `POST /v1/runs`; `group_size` replaces that of the arm."""
         settings: dict[str, Any] = {
             "name": f"{self.name}, seed {seed}",
             "seed": seed,
             "tasks": [task],
-            "group_size": self.group_size,
+            "group_size": group_size or self.group_size,
             "strategy": self.strategy,
             "strategy_settings": self.hyperparameters,
             "design": {"designer": "off"},
         }
+        if self.target is not None:
+            settings["target"] = self.target
         if self.levels is not None:
             settings["task_settings"] = {task: {"levels": self.levels(task, 0.0)}}
         return settings
-
-
-Named = TypeVar("Named", Problem, Arm)
 
 
 def level_table(task: str, start_scale: float = 1.0) -> dict[str, Any]:
@@ -141,7 +107,70 @@ ARMS = (
         {"rank": "rollouts"}, group_size=8,
     ),
     Arm("plr", "plr", "prioritised level replay by learnability", group_size=4),
+    Arm("ladder", "ladder", "level moves on evidence, towards a success of one half", target="half"),
 )  # fmt: skip
+#: Arms of the problems of the first learner.
+FIRST_ARMS = tuple(arm.name for arm in ARMS if arm.name != "ladder")
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A task with a reward, a budget and the thresholds of a held-out measure."""
+
+    name: str
+    task: str
+    #: Environment steps of a training, which include probes and scoring rollouts.
+    budget: int
+    #: Held-out measure, averaged over the scenarios: `success`, or `skill`.
+    measure: str
+    #: Values of the measure of which the steps are counted. Claims are about the first.
+    thresholds: tuple[float, float]
+    #: Settings of the learner that differ from those tuned for the task.
+    hyperparameters: dict[str, Any] = field(default_factory=dict)
+    #: Algorithm: `ppo`, `grpo` or `sb3`.
+    learner: str = "ppo"
+    #: Episodes for each scenario, of a learner that needs groups; None for those of the arm.
+    group_size: int | None = None
+    #: Names of its arms.
+    arms: tuple[str, ...] = FIRST_ARMS
+    #: Arms with all seeds; the others have the first few.
+    claimed: tuple[str, ...] = CLAIMED
+
+    def seeds(self, arm: str) -> tuple[int, ...]:
+        """Returns the seeds of an arm."""
+        return SEEDS if arm in self.claimed else SEEDS[:FEW_SEEDS]
+
+    def run_settings(self, arm: Arm, seed: int) -> dict[str, Any]:
+        """Returns the settings of the run of a training, for `POST /v1/runs`."""
+        return arm.run_settings(self.task, seed, self.group_size)
+
+
+#: Success of a deputy is all that is rewarded.
+SUCCESS_ONLY = {"reward_weight": 0.0, "success_reward": 1.0}
+PROBLEMS = (
+    Problem("docking/single", "docking/single", 4_000_000, "success", (0.7, 0.5)),
+    Problem("docking/single-success", "docking/single", 12_000_000, "success", (0.7, 0.5), SUCCESS_ONLY),
+    Problem("docking/multiagent", "docking/multiagent", 4_000_000, "success", (0.7, 0.5)),
+    Problem("kessler/survival", "kessler/survival", 400_000, "skill", (0.5, 0.4)),
+    Problem("kessler/rendezvous", "kessler/rendezvous", 400_000, "skill", (0.25, 0.15)),
+    Problem("kessler/eco_station", "kessler/eco_station", 300_000, "skill", (0.5, 0.3)),
+    Problem("kessler/formation", "kessler/formation", 300_000, "skill", (0.08, 0.05)),
+    Problem("tasking/scanning", "tasking/scanning", 300_000, "skill", (0.1, 0.0)),
+    Problem(
+        "kessler/survival-groups", "kessler/survival", 400_000, "skill", (0.5, 0.4), learner="grpo", group_size=8,
+        arms=(BASELINE, "contested", "auto", "ladder"), claimed=(),
+    ),
+    Problem(
+        "docking/single-sb3", "docking/single", 4_000_000, "success", (0.7, 0.5), learner="sb3",
+        arms=(BASELINE, "auto"), claimed=(),
+    ),
+    Problem(
+        "kessler/survival-sb3", "kessler/survival", 400_000, "skill", (0.5, 0.4), learner="sb3",
+        arms=(BASELINE, "auto"), claimed=(),
+    ),
+)  # fmt: skip
+
+Named = TypeVar("Named", Problem, Arm)
 
 
 def find_problem(name: str) -> Problem:

@@ -8,20 +8,20 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
-from . import held_out, training
-from .protocol import ARMS, CLAIMED, FEW_SEEDS, PROBLEMS, SEEDS, find_problem
+from . import held_out, learners, training
+from .protocol import PROBLEMS, SEEDS, find_problem
 from .training import Training
 
 
 def planned(problems: Sequence[str] = (), arms: Sequence[str] = (), seeds: Sequence[int] = ()) -> list[Training]:
     """Returns the trainings of the protocol, or those of some problems, arms and seeds, the claims first."""
     listed = [
-        Training(problem.name, arm.name, seed)
+        Training(problem.name, arm, seed)
         for is_claimed in (True, False)
-        for number, seed in enumerate(SEEDS)
+        for seed in SEEDS
         for problem in PROBLEMS
-        for arm in ARMS
-        if (arm.name in CLAIMED) == is_claimed and (is_claimed or number < FEW_SEEDS)
+        for arm in problem.arms
+        if (arm in problem.claimed) == is_claimed and seed in problem.seeds(arm)
     ]
     return [
         each
@@ -51,7 +51,9 @@ def run(
 
     Raises:
         CurriculumError: A server fails.
+        ExperimentError: A package of a learner is missing.
     """
+    learners.check(find_problem(each.problem) for each in trainings)
     # Parallel trainings would draw the same scenarios at the same time.
     for task in dict.fromkeys(find_problem(each.problem).task for each in trainings):
         held_out.load(folder / "held-out", task)

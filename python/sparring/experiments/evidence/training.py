@@ -9,10 +9,10 @@ from typing import Any
 
 import sparring
 
-from .. import ppo
 from ..experiment import package_versions, write_json
 from . import held_out as held_out_scenarios
-from .held_out import HeldOut, measure
+from . import learners
+from .held_out import FlyingPolicy, HeldOut, measure
 from .protocol import FINAL_EPISODES, LOOKS, Arm, Problem, find_arm, find_problem
 
 #: Seed of the actions of all evaluations.
@@ -48,10 +48,10 @@ def run(folder: Path, training: Training, binary: str | None = None, budget: int
     problem = replace(problem, budget=budget or problem.budget)
     scenarios = held_out_scenarios.load(folder / "held-out", problem.task)
     started = time.monotonic()
-    settings = arm.run_settings(problem.task, training.seed)
+    settings = problem.run_settings(arm, training.seed)
     with sparring.Curriculum.local(binary=binary, settings=settings, form="groups") as curriculum:
         monitor = _Monitor(problem, arm, curriculum, scenarios)
-        policy = ppo.train(problem.config(training.seed), curriculum, monitor.after_rollout, report_metrics=False)
+        policy = learners.train(problem, training.seed, curriculum, monitor.after_rollout)
         final = measure(policy, scenarios, FINAL_EPISODES, EVALUATION_SEED)
         mastery = curriculum.mastery()[0]
     results = {
@@ -83,7 +83,7 @@ class _Monitor:
         self._next = 0
         self._levels = arm.levels and arm.levels(problem.task, 0.0)
 
-    def after_rollout(self, steps: int, policy: ppo.Policy, _: dict[str, float]) -> None:
+    def after_rollout(self, steps: int, policy: FlyingPolicy, _: dict[str, float]) -> None:
         """Evaluates the policy if an evaluation is due; the last rollout always is."""
         self._change_levels(steps)
         if steps < self._next and steps < self.problem.budget:
