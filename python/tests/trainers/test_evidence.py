@@ -51,6 +51,18 @@ def test_ratio_pairs_seeds_and_counts_misses_as_the_budget():
     assert interval.low < 2.5 == interval.mean < interval.high
 
 
+def test_designs_are_compared_with_their_control():
+    designs = [outcome(seed, [0.0, value]) for seed, value in ((1, 0.7), (2, 0.5), (8, 0.0))]
+    control = [outcome(seed, [0.0, value]) for seed, value in ((2, 0.4), (1, 0.5))]
+    change = statistics.difference(designs, control, "success")
+    assert change.mean == pytest.approx(0.15)
+    assert change.low == pytest.approx(0.1) and change.high == pytest.approx(0.2)
+    assert statistics.difference(designs, control, "worst_tenth").mean == 0.0
+    assert statistics.difference(designs, [], "success") is None
+    assert protocol.find_arm(protocol.DESIGNS).run_settings(TASK, 101)["design"] == {"designer": "procedural"}
+    assert protocol.find_arm(protocol.CONTROL).run_settings(TASK, 101)["design"] == {"designer": "off"}
+
+
 def test_worst_tenth_is_ranked_by_other_episodes():
     skill = np.zeros((8, 20))
     skill[::2, :2] = -1.0  # the ranking episodes of two scenarios are bad by chance
@@ -73,7 +85,7 @@ def test_planned_trainings_begin_with_the_claims():
     trainings = runner.planned()
     first = [problem for problem in protocol.PROBLEMS if problem.learner == "ppo"]
     assert len(first) == 8
-    assert len(trainings) == len(first) * (3 * 10 + 9 * 5) + (4 + 2 + 2) * 5
+    assert len(trainings) == len(first) * (3 * 10 + 10 * 5) + (4 + 2 + 2) * 5
     assert {each.arm for each in trainings[: len(first) * 30]} == set(protocol.CLAIMED)
     assert {each.seed for each in runner.planned(["docking/single-sb3"])} == {101, 102, 103, 104, 105}
     assert len(runner.planned([TASK], ["auto"], [101, 102])) == 2

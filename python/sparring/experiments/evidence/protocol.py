@@ -18,6 +18,8 @@ FEW_SEEDS = 5
 BASELINE = "uniform-levels"
 #: Arms of the claims, with all seeds.
 CLAIMED = (BASELINE, "uniform-rungs", "auto")
+#: Arm with designed layouts, and the arm without them with which it is compared.
+DESIGNS, CONTROL = "auto-designs", "auto"
 #: Held-out scenarios of a task. They have user seeds, which no curriculum proposes.
 HELD_OUT_SCENARIOS = 200
 #: Seed of the first held-out scenario that is tried. Tuning used other scenarios.
@@ -39,6 +41,8 @@ class Arm:
     hyperparameters: dict[str, Any] = field(default_factory=dict)
     #: Episodes for each scenario, unless the problem sets them.
     group_size: int = 1
+    #: Designer of layouts for the agent's failures.
+    designer: str = "off"
     #: Rule of the level moves (default: that of the run, `half` for groups of several episodes).
     target: str | None = None
     #: Returns the level table for a share of the budget that is used up, 0 to 1; None if the table does not change.
@@ -53,7 +57,7 @@ class Arm:
             "group_size": group_size or self.group_size,
             "strategy": self.strategy,
             "strategy_settings": self.hyperparameters,
-            "design": {"designer": "off"},
+            "design": {"designer": self.designer},
         }
         if self.target is not None:
             settings["target"] = self.target
@@ -87,7 +91,7 @@ def _scaled(task: str, start_scale: float) -> dict[str, float]:
     return {"start_scale": start_scale} if sparring.task(task).start_rungs else {}
 
 
-#: All arms. No arm has designed layouts.
+#: All arms.
 ARMS = (
     Arm(BASELINE, "uniform", "all levels are equally likely"),
     Arm("uniform-rungs", "bandit", "all rungs are equally likely", {"uniform": 1.0}),
@@ -100,7 +104,8 @@ ARMS = (
     Arm("staircase", "staircase", "the sampler staircase"),
     Arm("controller", "controller", "the sampler controller"),
     Arm("bandit", "bandit", "the sampler bandit"),
-    Arm("auto", "auto", "the sampler that the table of the strategy auto names"),
+    Arm(CONTROL, "auto", "the sampler that the table of the strategy auto names"),
+    Arm(DESIGNS, "auto", "auto, with layouts of the procedural designer", designer="procedural"),
     Arm("learnability", "learnability", "levels and scenarios by p(1 − p) of a model of success"),
     Arm(
         "learnability-rollouts", "learnability", "sampling for learnability, with scoring rollouts counted",

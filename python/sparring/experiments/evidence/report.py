@@ -11,8 +11,8 @@ import numpy as np
 
 from ..report import format_table, save_figure
 from ..results import Interval
-from .protocol import ARMS, BASELINE, PROBLEMS, Problem
-from .statistics import Outcome, mean, ratio_of_steps, read, relative_area
+from .protocol import ARMS, BASELINE, CONTROL, DESIGNS, PROBLEMS, Problem
+from .statistics import Outcome, difference, mean, ratio_of_steps, read, relative_area
 
 #: Name of the report's file.
 REPORT_FILE = "report.md"
@@ -39,6 +39,7 @@ def write(folder: Path) -> list[Path]:
             parts.append(
                 f"## {problem.name}\n\n{_table(of_problem[0].problem, of_problem)}\n![Curves of {problem.name}]({figure.name})\n"
             )
+    parts.extend(_designs(outcomes))
     files.append(folder / REPORT_FILE)
     files[-1].write_text("\n".join(parts))
     return files
@@ -53,6 +54,21 @@ def _table(problem: Problem, outcomes: Sequence[Outcome]) -> str:
     head = [column.format(*problem.thresholds) for column in COLUMNS]
     rows = [_row(problem, of_arm(outcomes, arm.name), of_arm(outcomes, BASELINE)) for arm in ARMS if of_arm(outcomes, arm.name)]
     return format_table(head, rows)
+
+
+def _designs(outcomes: Sequence[Outcome]) -> list[str]:
+    """Compares the final policies of the arm with designed layouts with those of its control."""
+    rows = []
+    for problem in PROBLEMS:
+        of_problem = [outcome for outcome in outcomes if outcome.problem.name == problem.name]
+        designs, control = of_arm(of_problem, DESIGNS), of_arm(of_problem, CONTROL)
+        if designs and control:
+            changes = [difference(designs, control, measure) for measure in ("worst_tenth", problem.measure)]
+            rows.append([problem.name, str(len(designs)), *(_format(change, "+.3f") for change in changes)])
+    if not rows:
+        return []
+    return [f"## Designed layouts\n\nFinal policies of `{DESIGNS}`, compared with those of `{CONTROL}`.\n",
+            format_table(["problem", "seeds", "worst tenth", "mean"], rows)]  # fmt: skip
 
 
 def _row(problem: Problem, arm: Sequence[Outcome], baseline: Sequence[Outcome]) -> list[str]:

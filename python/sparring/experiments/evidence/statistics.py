@@ -116,6 +116,17 @@ def relative_area(arm: Sequence[Outcome], baseline: Sequence[Outcome]) -> Interv
     return _bootstrap(lambda own, other, axis=-1: (own - other).mean(axis) / np.abs(other.mean(axis)), own, other)
 
 
+def difference(arm: Sequence[Outcome], control: Sequence[Outcome], measure: str) -> Interval | None:
+    """Returns by how much a measure of the final policies of an arm is larger than that of a control.
+
+    None if the arms have no seed in common.
+    """
+    arm, control = pairs(arm, control)
+    if not arm:
+        return None
+    return mean([own.final[measure] - other.final[measure] for own, other in zip(arm, control, strict=True)])
+
+
 def mean(values: Sequence[float]) -> Interval:
     """Returns a mean over seeds."""
     return _bootstrap(lambda values, axis=-1: values.mean(axis), np.array(values))
