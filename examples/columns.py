@@ -63,7 +63,7 @@ def main():
     parser.add_argument("--forge", action="store_true", help="report scores that are too high, which the audit detects")
     args = parser.parse_args()
     api = args.url + "/v1/runs"
-    run = request(api, {"tasks": ["kessler/survival"], "placement": False, "audit_groups": 16})["id"]
+    run = request(api, {"tasks": ["kessler/survival"], "strategy": "ladder", "placement": False, "audit_groups": 16})["id"]
     burns = [(x / 10, y / 10) for x in (-2, 0, 2) for y in (-2, 0, 2)]
     scores_by_burn = {burn: [] for burn in burns}
 

@@ -35,7 +35,7 @@ async fn run() -> anyhow::Result<Vec<Row>> {
     let server = ServerProcess::start(&file);
     let api = server.api();
     // Levels with episodes that run quickly, because the benchmark measures the feed.
-    let request = json!({"id": "bench", "seed": 1, "placement": false, "tasks": ["kessler/survival", "kessler/eco_station"],
+    let request = json!({"strategy": "ladder", "id": "bench", "seed": 1, "placement": false, "tasks": ["kessler/survival", "kessler/eco_station"],
                       "design": {"designer": "off"}});
     let created = api.post("/v1/runs", request).await;
     anyhow::ensure!(created.status == 201, "no run: {}", created.body);

@@ -32,7 +32,7 @@ async fn run(episodes: u64, group_size: u32) -> anyhow::Result<Vec<Row>> {
     let server = ServerProcess::start(&file);
     let api = server.api();
     // All settings have defaults, except the group size and the task, which is the fastest to prepare.
-    let settings = json!({"id": "bench", "seed": 1, "group_size": group_size, "tasks": ["kessler/survival"]});
+    let settings = json!({"strategy": "ladder", "id": "bench", "seed": 1, "group_size": group_size, "tasks": ["kessler/survival"]});
     let created = api.post("/v1/runs", settings).await;
     anyhow::ensure!(created.status == 201, "no run: {}", created.body);
     let (mut rows, mut done, start) = (Vec::new(), 0, Instant::now());

@@ -44,7 +44,7 @@ async fn run(minutes: u32) -> anyhow::Result<Vec<Row>> {
     let folder = tempfile::tempdir()?;
     let server = ServerProcess::start(&folder.path().join("bench.sqlite3"));
     let api = server.api();
-    let settings = json!({"id": "load", "seed": 1, "group_size": GROUP_SIZE});
+    let settings = json!({"strategy": "ladder", "id": "load", "seed": 1, "group_size": GROUP_SIZE});
     let created = api.post("/v1/runs", settings).await;
     anyhow::ensure!(created.status == 201, "no run: {}", created.body);
     let times = SharedStatistics::default();

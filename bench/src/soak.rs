@@ -24,7 +24,7 @@ async fn run(minutes: u32) -> anyhow::Result<Vec<Row>> {
     let server = ServerProcess::start(&folder.path().join("bench.sqlite3"));
     let api = server.api();
     for (id, size) in [("rows", 8), ("columns", 1), ("flown", 8)] {
-        let settings = json!({"id": id, "seed": 1, "group_size": size, "placement": false,
+        let settings = json!({"strategy": "ladder", "id": id, "seed": 1, "group_size": size, "placement": false,
                           "tasks": ["kessler/survival"], "design": {"designer": "off"}});
         let created = api.post("/v1/runs", settings).await;
         anyhow::ensure!(created.status == 201, "no run: {}", created.body);

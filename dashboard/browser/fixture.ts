@@ -59,6 +59,7 @@ export async function createHeldRun(
     id,
     seed: 7,
     tasks: ["kessler/survival"],
+    strategy: "ladder",
     design: { designer: "off" },
     ...settings,
   });

@@ -11,7 +11,7 @@ from conftest import BINARY
 
 import sparring
 
-SETTINGS = {"tasks": ["kessler/survival"], "placement": False, "design": {"designer": "off"}}
+SETTINGS = {"tasks": ["kessler/survival"], "strategy": "ladder", "placement": False, "design": {"designer": "off"}}
 
 
 def local_curriculum(**arguments):

@@ -91,7 +91,7 @@ impl ReserveRanges {
         if !strategy.supports_columns() {
             let why = format!(
                 "must be groups: the strategy {strategy} chooses every scenario by the results before it, which ranges of \
-                 seeds cannot follow"
+                 seeds cannot follow; create the run with ladder, uniform, fixed, adr or alp_gmm"
             );
             return Err(ServiceError::invalid("form", why));
         }

@@ -185,8 +185,7 @@ async fn create_run(api: &ApiClient, plan: CrashPlan) -> anyhow::Result<()> {
         true => json!({"episodes": 200, "claimed": 400}),
         false => json!({"episodes": "all", "claimed": "all"}),
     };
-    let mut settings =
-        json!({"id": RUN, "seed": plan.seed, "group_size": 2, "target": "mastery", "retention": retention});
+    let mut settings = json!({"strategy": "ladder", "id": RUN, "seed": plan.seed, "group_size": 2, "target": "mastery", "retention": retention});
     for (name, value) in plan.world.settings().as_object().into_iter().flatten() {
         settings[name] = value.clone();
     }

@@ -14,8 +14,7 @@ const TASKS: [&str; 2] = ["docking/single", "docking/multiagent"];
 async fn heuristic_policy_is_promoted_in_docking() {
     let server = Server::start().await;
     let api = server.api();
-    let settings =
-        json!({"id": "dock", "seed": 7, "placement": false, "tasks": TASKS, "contested_share": 1.0});
+    let settings = json!({"strategy": "ladder", "id": "dock", "seed": 7, "placement": false, "tasks": TASKS, "contested_share": 1.0});
     let _ = api.post("/v1/runs", settings).await.expect(201);
     let mut moves: Vec<Value> = Vec::new();
     for _ in 0..5 {
@@ -61,7 +60,10 @@ async fn holding_policy_never_docks() {
     let server = Server::start().await;
     let api = server.api();
     let _ = api
-        .post("/v1/runs", json!({"id": "hold", "seed": 2, "placement": false, "tasks": TASKS}))
+        .post(
+            "/v1/runs",
+            json!({"strategy": "ladder", "id": "hold", "seed": 2, "placement": false, "tasks": TASKS}),
+        )
         .await
         .expect(201);
     for _ in 0..3 {
@@ -95,7 +97,7 @@ async fn longest_logs_fit_and_oversized_batches_are_rejected() {
     let server = Server::start().await;
     let api = server.api();
     let table = json!({"columns": ["deputies", "start_radius", "speed_ratio"], "rows": [[5, 150, 0]]});
-    let settings = json!({"id": "long", "tasks": ["docking/multiagent"], "group_size": 40, "placement": false,
+    let settings = json!({"strategy": "ladder", "id": "long", "tasks": ["docking/multiagent"], "group_size": 40, "placement": false,
         "task_settings": {"docking/multiagent": {"levels": table}}});
     let _ = api.post("/v1/runs", settings).await.expect(201);
     let lease = api.lease("long", json!({"groups": 1})).await;
@@ -123,7 +125,10 @@ async fn longest_logs_fit_and_oversized_batches_are_rejected() {
 async fn invalid_docking_action_rejects_only_its_result() {
     let server = Server::start().await;
     let api = server.api();
-    let _ = api.post("/v1/runs", json!({"id": "bad", "tasks": ["docking/multiagent"]})).await.expect(201);
+    let _ = api
+        .post("/v1/runs", json!({"strategy": "ladder", "id": "bad", "tasks": ["docking/multiagent"]}))
+        .await
+        .expect(201);
     let lease = api.lease("bad", json!({"groups": 1})).await;
     let (name, _) = &lease.episodes()[0];
     for steps in
@@ -158,7 +163,7 @@ async fn tasks_are_described_and_default_to_the_first_world() {
     let docking = tasks.iter().find(|task| task["id"] == "docking/multiagent").unwrap();
     assert_eq!((&docking["agents"], &docking["horizon"]), (&json!(3), &json!(2000)));
 
-    let _ = api.post("/v1/runs", json!({"id": "usual"})).await.expect(201);
+    let _ = api.post("/v1/runs", json!({"strategy": "ladder", "id": "usual"})).await.expect(201);
     let mastery = api.get("/v1/runs/usual/mastery").await.expect(200);
     let listed = mastery["tasks"].as_array().unwrap().iter().filter_map(|task| task["task"].as_str());
     let usual: Vec<&str> = env_core::default_tasks().iter().map(|task| task.id()).collect();
@@ -166,7 +171,7 @@ async fn tasks_are_described_and_default_to_the_first_world() {
     assert!(usual.iter().all(|task| task.starts_with("kessler/")), "{usual:?}");
 
     // A run may mix tasks of several worlds.
-    let mixed = json!({"id": "mixed", "placement": false, "tasks": ["kessler/survival", "docking/single"]});
+    let mixed = json!({"strategy": "ladder", "id": "mixed", "placement": false, "tasks": ["kessler/survival", "docking/single"]});
     let _ = api.post("/v1/runs", mixed).await.expect(201);
     let lease = api.lease("mixed", json!({"groups": 12})).await;
     let report = api.report("mixed", lease.results("heuristic")).await;

@@ -62,7 +62,7 @@ fn assert_check_succeeds(db: &Path) {
 async fn stored_settings(folder: &Path) -> String {
     let db = folder.join("settings.sqlite3");
     let server = ServerProcess::start(&db);
-    let _ = server.api().post("/v1/runs", json!({"id": "run"})).await.expect(201);
+    let _ = server.api().post("/v1/runs", json!({"strategy": "ladder", "id": "run"})).await.expect(201);
     assert_eq!(server.terminate(), Some(0));
     sqlx::query_scalar("SELECT settings FROM runs").fetch_one(&mut open(&db).await).await.unwrap()
 }
@@ -130,7 +130,10 @@ async fn kills_during_vacuum_lose_nothing() {
     let (whole, db) = (folder.path().join("whole.sqlite3"), folder.path().join("db.sqlite3"));
     let server = ServerProcess::start(&whole);
     let api = server.api();
-    let _ = api.post("/v1/runs", json!({"id": "run", "tasks": ["kessler/survival"]})).await.expect(201);
+    let _ = api
+        .post("/v1/runs", json!({"strategy": "ladder", "id": "run", "tasks": ["kessler/survival"]}))
+        .await
+        .expect(201);
     let lease = api.lease("run", json!({"groups": 4})).await;
     let _ = api.report("run", lease.results("hold")).await;
     assert_eq!(server.terminate(), Some(0));

@@ -19,7 +19,7 @@ async fn train_rounds(server: &Server, run: &str, policy: &str, leases: u32, gro
 async fn heuristic_policy_is_promoted_and_scores_are_replayed() {
     let server = Server::start().await;
     let api = server.api();
-    let settings = json!({"id": "good", "seed": 7, "placement": false, "tasks": ["kessler/survival"], "contested_share": 1.0,
+    let settings = json!({"strategy": "ladder", "id": "good", "seed": 7, "placement": false, "tasks": ["kessler/survival"], "contested_share": 1.0,
                       "design": {"designer": "off"}});
     let _ = api.post("/v1/runs", settings).await.expect(201);
     let params = |body: &Value| body["tasks"]["kessler/survival"].clone();
@@ -68,7 +68,7 @@ async fn heuristic_policy_is_promoted_and_scores_are_replayed() {
 #[tokio::test]
 async fn holding_policy_is_not_promoted() {
     let server = Server::start().await;
-    let settings = json!({"id": "hold", "seed": 3, "placement": false, "tasks": ["kessler/survival"], "design": {"designer": "off"}});
+    let settings = json!({"strategy": "ladder", "id": "hold", "seed": 3, "placement": false, "tasks": ["kessler/survival"], "design": {"designer": "off"}});
     let _ = server.api().post("/v1/runs", settings).await.expect(201);
     assert!(train_rounds(&server, "hold", "hold", 6, 64).await.is_empty());
     let task = server.api().get("/v1/runs/hold/mastery").await.expect(200)["tasks"][0].clone();
@@ -82,7 +82,7 @@ async fn holding_policy_is_not_promoted() {
 async fn raw_rule_promotes_a_holding_policy() {
     let server = Server::start().await;
     let settings = json!({
-        "id": "raw", "seed": 3, "placement": false, "tasks": ["kessler/survival"], "design": {"designer": "off"},
+        "strategy": "ladder", "id": "raw", "seed": 3, "placement": false, "tasks": ["kessler/survival"], "design": {"designer": "off"},
         "success": "raw", "task_settings": {"kessler/survival": {"success_threshold": 0.5}}
     });
     let _ = server.api().post("/v1/runs", settings).await.expect(201);
@@ -100,7 +100,7 @@ async fn new_run_is_placed_by_bisection() {
     let _ = api
         .post(
             "/v1/runs",
-            json!({"id": "p", "seed": 11, "tasks": ["kessler/survival"], "design": {"designer": "off"}}),
+            json!({"strategy": "ladder", "id": "p", "seed": 11, "tasks": ["kessler/survival"], "design": {"designer": "off"}}),
         )
         .await
         .expect(201);
@@ -134,7 +134,8 @@ async fn baseline_strategies_serve_their_distribution() {
 async fn group_of_eight_shares_one_scenario() {
     let server = Server::start().await;
     let api = server.api();
-    let run = api.post("/v1/runs", json!({"id": "grpo", "group_size": 8})).await.expect(201);
+    let run =
+        api.post("/v1/runs", json!({"strategy": "ladder", "id": "grpo", "group_size": 8})).await.expect(201);
     assert_eq!(
         run["settings"]["curriculum"]["target"], "half",
         "runs with groups target half success by default"
@@ -180,7 +181,7 @@ async fn episode_can_be_read_and_replayed() {
     let _ = api
         .post(
             "/v1/runs",
-            json!({"id": "r", "tasks": ["kessler/rendezvous"], "seed": 1, "design": {"designer": "off"}}),
+            json!({"strategy": "ladder", "id": "r", "tasks": ["kessler/rendezvous"], "seed": 1, "design": {"designer": "off"}}),
         )
         .await
         .expect(201);
@@ -209,7 +210,7 @@ async fn episode_can_be_read_and_replayed() {
 async fn paused_run_accepts_results_but_no_leases() {
     let server = Server::start().await;
     let api = server.api();
-    let _ = api.post("/v1/runs", json!({"id": "p"})).await.expect(201);
+    let _ = api.post("/v1/runs", json!({"strategy": "ladder", "id": "p"})).await.expect(201);
     let lease = api.lease("p", json!({"groups": 1})).await;
     assert_eq!(api.post("/v1/runs/p/pause", json!({})).await.expect(200)["status"], "paused");
     assert_eq!(api.post("/v1/runs/p/leases", json!({"groups": 1})).await.status, 409);

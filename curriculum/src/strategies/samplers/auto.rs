@@ -22,7 +22,7 @@ struct TaskChoice {
 }
 
 /// Choices by trainings with tuning seeds, one or two of each sampler and task. The evidence protocol has other seeds.
-const CHOICES: [TaskChoice; 5] = [
+const CHOICES: [TaskChoice; 8] = [
     TaskChoice {
         task: "docking/single",
         sampler: SamplerName::Staircase,
@@ -48,7 +48,12 @@ const CHOICES: [TaskChoice; 5] = [
         sampler: SamplerName::Uniform,
         reason: "no sampler was better than uniform levels with tuning seeds",
     },
+    TaskChoice { task: "tasking/scanning", sampler: SamplerName::Uniform, reason: UNTRIED },
+    TaskChoice { task: "tasking/imaging", sampler: SamplerName::Uniform, reason: UNTRIED },
+    TaskChoice { task: "tasking/constellation", sampler: SamplerName::Uniform, reason: UNTRIED },
 ];
+/// Reason of a choice without trials.
+const UNTRIED: &str = "no sampler was tried on its start rungs";
 
 /// Sampler of a task, as it was chosen when the task began.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

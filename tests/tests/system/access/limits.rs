@@ -24,14 +24,19 @@ async fn each_token_has_its_own_limits() {
     let (server, tokens) = start_with_tokens(setup).await;
     let trainer = server.api().with_token(&tokens["trainer"]);
     for id in ["a", "b"] {
-        let _ = trainer.post("/v1/runs", json!({"id": id})).await.expect(201);
+        let _ = trainer.post("/v1/runs", json!({"strategy": "ladder", "id": id})).await.expect(201);
     }
-    let rejected = trainer.post("/v1/runs", json!({"id": "c"})).await;
+    let rejected = trainer.post("/v1/runs", json!({"strategy": "ladder", "id": "c"})).await;
     assert_eq!(
         (rejected.status, rejected.body["type"].as_str()),
         (403, Some("urn:sparring:problem:too_many_runs"))
     );
-    let _ = server.api().with_token(&tokens["admin"]).post("/v1/runs", json!({"id": "c"})).await.expect(201);
+    let _ = server
+        .api()
+        .with_token(&tokens["admin"])
+        .post("/v1/runs", json!({"strategy": "ladder", "id": "c"}))
+        .await
+        .expect(201);
     let mut leases = Vec::new();
     for form in ["groups", "columns", "groups"] {
         leases.push(trainer.lease("a", json!({"groups": 1, "form": form})).await);

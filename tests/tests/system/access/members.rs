@@ -67,7 +67,10 @@ async fn invalid_members_are_rejected() {
 async fn run_without_an_owner_is_for_every_trainer() {
     let mut server = Server::start().await;
     let local = server.api();
-    let _ = local.post("/v1/runs", json!({"id": "run", "design": {"designer": "off"}})).await.expect(201);
+    let _ = local
+        .post("/v1/runs", json!({"strategy": "ladder", "id": "run", "design": {"designer": "off"}}))
+        .await
+        .expect(201);
     let lease = local.lease("run", json!({"groups": 1})).await;
     server.stop().await;
     let db = server.db_path();
@@ -142,7 +145,7 @@ async fn tokens_of_a_principal_share_its_limits() {
     };
     let parties = Parties::start_with(json!({}), setup).await;
     let second = parties.create_client("owner-2", "owner", "trainer").await;
-    assert_denied(second.post("/v1/runs", json!({"id": "b"})).await, "too_many_runs");
+    assert_denied(second.post("/v1/runs", json!({"strategy": "ladder", "id": "b"})).await, "too_many_runs");
     let _ = parties.owner.lease("run", json!({"groups": 1})).await;
     let rejected = second.post("/v1/runs/run/leases", json!({"groups": 1})).await.expect(429);
     assert_eq!(rejected["type"], "urn:sparring:problem:too_many_leases");

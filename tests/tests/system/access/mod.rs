@@ -80,7 +80,7 @@ impl Parties {
         let api = server.api();
         let [owner, member, other] = trainers.map(|token| api.clone().with_token(&token));
         let [viewer, admin] = ["viewer", "admin"].map(|role| api.clone().with_token(&tokens[role]));
-        let mut request = json!({"id": "run", "seed": 5, "tasks": ["kessler/survival"], "contested_share": 0.0,
+        let mut request = json!({"strategy": "ladder", "id": "run", "seed": 5, "tasks": ["kessler/survival"], "contested_share": 0.0,
             "placement": false, "design": {"designer": "off"}});
         request.as_object_mut().unwrap().extend(settings.as_object().unwrap().clone());
         let _ = owner.post("/v1/runs", request).await.expect(201);
@@ -287,7 +287,7 @@ async fn openenv_can_be_public_alone() {
     let _ = api.get("/metadata").await.expect(200);
     assert_eq!(api.get("/v1/runs").await.status, 401);
     let trainer = api.clone().with_token(&tokens["trainer"]);
-    let _ = trainer.post("/v1/runs", json!({"id": "run"})).await.expect(201);
+    let _ = trainer.post("/v1/runs", json!({"strategy": "ladder", "id": "run"})).await.expect(201);
     let rejected = api.clone().with_session("own").post("/reset", json!({"run": "run"})).await;
     assert!(
         rejected.status == 422 && rejected.body.to_string().contains("cannot run episodes of runs"),

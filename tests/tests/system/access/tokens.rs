@@ -43,7 +43,7 @@ async fn tokens_can_be_managed_while_a_server_runs() {
     let db = folder.path().join("db.sqlite3");
     let process = ServerProcess::start(&db);
     let api = process.api();
-    let _ = api.post("/v1/runs", json!({"id": "before"})).await.expect(201); // without tokens, loopback is admin
+    let _ = api.post("/v1/runs", json!({"strategy": "ladder", "id": "before"})).await.expect(201); // without tokens, loopback is admin
     let path = db.clone();
     let (admin, short) = tokio::task::spawn_blocking(move || {
         let admin = create_token(&path, "admin");
@@ -89,7 +89,7 @@ async fn audit_log_has_changes_and_denials() {
     let api = server.api();
     let start = Instant::now();
     let admin = api.clone().with_token(&tokens["admin"]);
-    let _ = admin.post("/v1/runs", json!({"id": "run"})).await.expect(201);
+    let _ = admin.post("/v1/runs", json!({"strategy": "ladder", "id": "run"})).await.expect(201);
     let _ = admin.post("/v1/runs/run/pause", json!({})).await.expect(200);
     assert_eq!(
         api.clone().with_token(&tokens["viewer"]).post("/v1/runs/run/resume", json!({})).await.status,
@@ -132,7 +132,7 @@ async fn revoked_token_loses_its_connections() {
     let (server, tokens) = start_with_tokens(|config| config).await;
     let api = server.api();
     let admin = api.clone().with_token(&tokens["admin"]);
-    let _ = admin.post("/v1/runs", json!({"id": "run"})).await.expect(201);
+    let _ = admin.post("/v1/runs", json!({"strategy": "ladder", "id": "run"})).await.expect(201);
     let open = |token: &str| {
         let (base, token) = (api.base().to_owned(), token.to_owned());
         async move {

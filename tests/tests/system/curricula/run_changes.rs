@@ -27,7 +27,7 @@ async fn invalid_settings_are_rejected_by_field() {
             "strategy_settings.buffer",
             "not a setting of the strategy plr",
         ),
-        (json!({"strategy_settings": {"replay": 0.5}}), "strategy_settings.replay", "ladder has no settings"),
+        (json!({"strategy_settings": {"replay": 0.5}}), "strategy_settings.replay", "auto has no settings"),
         (
             json!({"strategy": "accel", "strategy_settings": {"score": "luck"}}),
             "strategy_settings.score",
@@ -143,7 +143,7 @@ async fn assert_invalid_changes_are_rejected(api: &ApiClient, changed: &Value) {
 async fn added_task_keeps_the_level_of_the_others() {
     let server = Server::start().await;
     let api = server.api();
-    let settings = json!({"id": "run", "seed": 4, "tasks": [SURVIVAL], "placement": false, "target": "mastery",
+    let settings = json!({"id": "run", "strategy": "ladder", "seed": 4, "tasks": [SURVIVAL], "placement": false, "target": "mastery",
                       "design": {"designer": "off"}});
     let _ = api.post("/v1/runs", settings).await.expect(201);
     for _ in 0..12 {

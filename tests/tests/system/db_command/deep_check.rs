@@ -11,7 +11,7 @@ use super::{damage_copy, db, output_text, serve_compacted_run};
 async fn train_until_moves(file: &Path) {
     let server = ServerProcess::start(file);
     let api = server.api();
-    let settings = json!({"id": "run", "seed": 77, "group_size": 2, "placement": false, "target": "mastery",
+    let settings = json!({"strategy": "ladder", "id": "run", "seed": 77, "group_size": 2, "placement": false, "target": "mastery",
                           "tasks": ["kessler/survival"], "design": {"designer": "off"}});
     let _ = api.post("/v1/runs", settings).await.expect(201);
     for _ in 0..60 {

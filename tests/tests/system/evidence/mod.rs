@@ -35,7 +35,7 @@ impl EvidenceServer {
 
 /// Creates a run of survival that starts at level 0 and claims mastery.
 async fn create_run(api: &ApiClient, run: &str, more: Value) {
-    let mut settings = json!({"id": run, "seed": 1, "tasks": [SURVIVAL], "target": "mastery", "placement": false,
+    let mut settings = json!({"strategy": "ladder", "id": run, "seed": 1, "tasks": [SURVIVAL], "target": "mastery", "placement": false,
         "group_size": 1, "contested_share": 1.0, "design": {"designer": "off"}});
     settings.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
     let _ = api.post("/v1/runs", settings).await.expect(201);

@@ -8,7 +8,7 @@ use system_tests::{ApiClient, Lease, log_to_json, run_policy};
 /// Creates a run of one task without placement and designs; `overrides` replaces settings.
 pub(crate) async fn create_run(api: &ApiClient, id: &str, overrides: Value) {
     let mut request = json!({
-        "id": id, "seed": 7, "placement": false, "tasks": ["kessler/survival"], "design": {"designer": "off"},
+        "strategy": "ladder", "id": id, "seed": 7, "placement": false, "tasks": ["kessler/survival"], "design": {"designer": "off"},
     });
     request.as_object_mut().unwrap().extend(overrides.as_object().unwrap().clone());
     let _ = api.post("/v1/runs", request).await.expect(201);

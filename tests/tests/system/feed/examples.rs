@@ -79,7 +79,7 @@ async fn groups_example_reports_and_renews() {
 async fn events_example_prints_events() {
     let server = Server::start().await;
     let api = server.api();
-    let settings = json!({"id": "run", "tasks": ["kessler/survival"], "design": {"designer": "off"}});
+    let settings = json!({"strategy": "ladder", "id": "run", "tasks": ["kessler/survival"], "design": {"designer": "off"}});
     let _ = api.post("/v1/runs", settings).await.expect(201);
     let lease = api.lease("run", json!({"groups": 2})).await;
     let _ = api.report("run", lease.results("hold")).await;

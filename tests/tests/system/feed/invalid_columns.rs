@@ -177,7 +177,7 @@ async fn invalid_column_leases_are_rejected() {
         let rejected: Value = api.post("/v1/runs/run/leases", lease_request).await.expect(422);
         assert_eq!(rejected["field"], field, "{rejected}");
     }
-    let rejected = api.post("/v1/runs", json!({"audit_groups": 0})).await.expect(422);
+    let rejected = api.post("/v1/runs", json!({"strategy": "ladder", "audit_groups": 0})).await.expect(422);
     assert_eq!(rejected["field"], "audit_groups");
     // The largest possible lease.
     let lease = api.lease("run", json!({"form": "columns", "groups": 100_000})).await;
