@@ -70,6 +70,9 @@ COMMAND_TESTS = {
         "python/tests/heavy/test_printed.py::test_printed_gpu_commands_train"
     ),
     ("docs/guides/train-trl.md", "torchrun"): "python/tests/heavy/test_printed.py::test_printed_gpu_commands_train",
+    ("docs/guides/choose-a-curriculum.md", "python -m sparring.experiments evidence"): (
+        "python/tests/trainers/test_evidence.py::test_only_the_curriculum_learns_from_success_alone"
+    ),
     ("docs/reference/evidence-protocol.md", "python -m sparring.experiments evidence"): (
         "python/tests/trainers/test_evidence.py::test_only_the_curriculum_learns_from_success_alone"
     ),
