@@ -1,7 +1,7 @@
 import numpy as np, sparring
 
 count, rng, weights = 128, np.random.default_rng(), np.zeros((4, 2))
-settings = {"tasks": ["kessler/survival"], "placement": False}
+settings = {"tasks": ["kessler/survival"], "strategy": "ladder", "placement": False}
 with sparring.Curriculum(url="http://127.0.0.1:8700", settings=settings) as curriculum:
     envs = sparring.make_vec(num_envs=count, curriculum=curriculum)
     tracks, _ = envs.reset()
