@@ -32,8 +32,7 @@ async fn run() -> anyhow::Result<Vec<Row>> {
     let api = server.api();
     // No designer runs, because it would share the machine.
     let design = json!({"designer": "off"});
-    let settings =
-        json!({"strategy": "ladder", "id": "bench", "seed": 1, "group_size": GROUP_SIZE, "placement": false, "design": design});
+    let settings = json!({"strategy": "ladder", "id": "bench", "seed": 1, "group_size": GROUP_SIZE, "placement": false, "design": design});
     let created = api.post("/v1/runs", settings).await;
     anyhow::ensure!(created.status == 201, "no run: {}", created.body);
 

@@ -180,7 +180,7 @@ def wait_for(what, ready):
 def create_resources(url):
     """Creates a run with server rollouts, leases of both forms with results, and designs; returns their ids."""
     for run in ("real", "spare", "unwanted", "finished"):
-        request_json(url, "POST", "/v1/runs", {"id": run, "seed": 1, "group_size": 2, "placement": False, "tasks": [TASK]})
+        request_json(url, "POST", "/v1/runs", {"id": run, "strategy": "ladder", "seed": 1, "group_size": 2, "placement": False, "tasks": [TASK]})
     request_json(url, "POST", "/v1/runs/unwanted/archive")
     at = "/v1/runs/real"
     request_json(url, "PUT", at + "/policy", {"policy": "random", "max_unacknowledged_groups": 64})  # the random policy fails, so that the designer has failures to aim at

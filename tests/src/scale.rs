@@ -37,7 +37,7 @@ async fn create_numbered(api: ApiClient, numbers: Vec<u32>) -> anyhow::Result<()
     let mut finished = Vec::new();
     for number in numbers {
         let id = format!("run-{number}");
-        let settings = json!({"id": id, "tasks": ["kessler/survival"], "design": {"designer": "off"}});
+        let settings = json!({"strategy": "ladder", "id": id, "tasks": ["kessler/survival"], "design": {"designer": "off"}});
         let created = api.post("/v1/runs", settings).await;
         ensure!(created.status == 201, "no run: {}", created.body);
         if number % ACTIVE_EVERY != 0 {

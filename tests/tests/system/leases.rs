@@ -27,7 +27,11 @@ async fn wait_for_expiry(api: &ApiClient, run: &str, lease: &str) -> Value {
 async fn repeated_results_are_duplicates_with_own_receipts() {
     let server = Server::start().await;
     let api = server.api();
-    let own = create_run(&api, json!({"id": "mine", "group_size": 2, "tasks": ["kessler/survival"]})).await;
+    let own = create_run(
+        &api,
+        json!({"strategy": "ladder", "id": "mine", "group_size": 2, "tasks": ["kessler/survival"]}),
+    )
+    .await;
     let other = create_run(&api, json!({"id": "other"})).await;
     let lease = api.lease(&own, json!({"groups": 2})).await;
     let foreign = api.lease(&other, json!({"groups": 1})).await;
@@ -242,10 +246,11 @@ async fn large_lease_is_served_among_small_ones() {
 async fn unsolvable_level_does_not_block_other_runs() {
     let server = Server::start().await;
     let api = server.api();
-    let settings = json!({"id": "hopeless", "tasks": ["kessler/rendezvous"], "placement": false, "contested_share": 1.0,
+    let settings = json!({"strategy": "ladder", "id": "hopeless", "tasks": ["kessler/rendezvous"], "placement": false, "contested_share": 1.0,
         "task_settings": {"kessler/rendezvous": {"levels": {"columns": ["debris", "fuel"], "rows": [[50, 0.5]]}}}});
     let hopeless = create_run(&api, settings).await;
-    let healthy = create_run(&api, json!({"id": "healthy", "tasks": ["kessler/survival"]})).await;
+    let healthy =
+        create_run(&api, json!({"strategy": "ladder", "id": "healthy", "tasks": ["kessler/survival"]})).await;
     for _ in 0..3 {
         let lease = api.lease(&healthy, json!({"groups": 16})).await;
         assert_eq!(statuses(&api.report(&healthy, lease.results("hold")).await), ["counted"; 16]);
@@ -295,11 +300,13 @@ async fn hard_run_does_not_delay_other_runs() {
     let levels = json!({"columns": ["debris"], "rows": [[1000]]});
     let hard = json!({"kessler/formation": {"physics": {"risk": "pc"}, "levels": levels}});
     for id in ["hard", "harder"] {
-        let settings = json!({"id": id, "tasks": ["kessler/formation"], "task_settings": hard});
+        let settings =
+            json!({"strategy": "ladder", "id": id, "tasks": ["kessler/formation"], "task_settings": hard});
         let _ = api.post("/v1/runs", settings).await.expect(201);
     }
     for (id, task) in [("easy", "kessler/survival"), ("other", "docking/single")] {
-        let _ = api.post("/v1/runs", json!({"id": id, "tasks": [task]})).await.expect(201);
+        let _ =
+            api.post("/v1/runs", json!({"strategy": "ladder", "id": id, "tasks": [task]})).await.expect(201);
         let lease = api.post(&format!("/v1/runs/{id}/leases"), json!({"groups": 4})).await.expect(201);
         assert_eq!(lease["groups"].as_array().unwrap().len(), 4);
     }

@@ -12,7 +12,7 @@ const FORMATION: &str = "kessler/formation";
 
 fn run_settings(id: &str, options: &Value) -> Value {
     json!({
-        "id": id, "seed": 9, "placement": false, "tasks": [SURVIVAL, FORMATION],
+        "strategy": "ladder", "id": id, "seed": 9, "placement": false, "tasks": [SURVIVAL, FORMATION],
         "task_settings": {SURVIVAL: {"physics": options}, FORMATION: {"physics": {"gravity": "j2"}}}
     })
 }
@@ -85,17 +85,17 @@ async fn assert_replay_matches(api: &ApiClient, id: &str, scenario: &env_core::S
 async fn default_options_change_nothing() {
     let server = Server::start().await;
     let api = server.api();
-    let without_options = json!({"id": "bare", "seed": 9, "placement": false, "tasks": [SURVIVAL]});
+    let without_options =
+        json!({"strategy": "ladder", "id": "bare", "seed": 9, "placement": false, "tasks": [SURVIVAL]});
     let defaults = json!({
-        "id": "defaults", "seed": 9, "placement": false, "tasks": [SURVIVAL],
+        "strategy": "ladder", "id": "defaults", "seed": 9, "placement": false, "tasks": [SURVIVAL],
         "task_settings": {SURVIVAL: {"physics": {"contact": "end_of_step", "start": "fair"}}}
     });
     let swept = json!({
-        "id": "swept", "seed": 9, "placement": false, "tasks": [SURVIVAL], "contested_share": 0.0,
+        "strategy": "ladder", "id": "swept", "seed": 9, "placement": false, "tasks": [SURVIVAL], "contested_share": 0.0,
         "task_settings": {SURVIVAL: {"physics": {"contact": "swept"}}}
     });
-    let plain =
-        json!({"id": "plain", "seed": 9, "placement": false, "tasks": [SURVIVAL], "contested_share": 0.0});
+    let plain = json!({"strategy": "ladder", "id": "plain", "seed": 9, "placement": false, "tasks": [SURVIVAL], "contested_share": 0.0});
     let mut leases = Vec::new();
     for settings in [without_options, defaults, swept, plain] {
         let id = settings["id"].as_str().unwrap().to_owned();
@@ -117,7 +117,7 @@ async fn run_with_collision_probability_has_solvable_groups() {
     let server = Server::start().await;
     let api = server.api();
     let options = json!({SURVIVAL: {"physics": {"risk": "pc"}}});
-    let settings = json!({"id": "pc", "seed": 2, "placement": false, "tasks": [SURVIVAL], "contested_share": 1.0,
+    let settings = json!({"strategy": "ladder", "id": "pc", "seed": 2, "placement": false, "tasks": [SURVIVAL], "contested_share": 1.0,
                       "task_settings": options});
     let _ = api.post("/v1/runs", settings).await.expect(201);
     let lease = api.lease("pc", json!({"groups": 8})).await;
@@ -159,8 +159,11 @@ async fn restart_keeps_options_and_proposals() {
 #[tokio::test]
 async fn default_options_are_not_stored() {
     let mut server = Server::start().await;
-    let _ =
-        server.api().post("/v1/runs", json!({"id": "old", "seed": 4, "tasks": [SURVIVAL]})).await.expect(201);
+    let _ = server
+        .api()
+        .post("/v1/runs", json!({"strategy": "ladder", "id": "old", "seed": 4, "tasks": [SURVIVAL]}))
+        .await
+        .expect(201);
     let before = server.api().lease("old", json!({"groups": 2})).await;
     server.stop().await;
     let options = SqliteConnectOptions::new().filename(server.db_path());
@@ -210,7 +213,7 @@ async fn invalid_options_are_rejected() {
     let runs = api.get("/v1/runs").await.expect(200);
     assert_eq!(runs["runs"], json!([]), "no run was created");
     // `null` stands for no options.
-    let none = json!({"id": "none", "tasks": [SURVIVAL], "task_settings": {SURVIVAL: {"physics": null}}});
+    let none = json!({"strategy": "ladder", "id": "none", "tasks": [SURVIVAL], "task_settings": {SURVIVAL: {"physics": null}}});
     let _ = api.post("/v1/runs", none).await.expect(201);
 }
 

@@ -171,7 +171,7 @@ async fn start_server(folder: &Path, llm: &str) -> ServerProcess {
         ["--policy-url", &format!("{llm}/v1"), "--policy-model", "my-model", "--policy-folder", &policies];
     let server = ServerProcess::start_with_options(&folder.join("sparring.sqlite3"), &options);
     let api = server.api();
-    let run = json!({"id": "my-run", "tasks": ["kessler/survival"], "group_size": 2, "placement": false});
+    let run = json!({"strategy": "ladder", "id": "my-run", "tasks": ["kessler/survival"], "group_size": 2, "placement": false});
     let _ = api.post("/v1/runs", run).await.expect(201);
     let policy = json!({"policy": "hold", "max_unacknowledged_groups": 32});
     let _ = api.send_json("PUT", "/v1/runs/my-run/policy", policy).await.expect(200);

@@ -17,7 +17,7 @@ fn report(args: &[&str]) -> Output {
 async fn report_is_one_self_contained_page() {
     let server = Server::start().await;
     let api = server.api();
-    let settings = json!({"id": "run", "name": HTML_NAME, "seed": 7, "tasks": ["kessler/survival"], "design": {"designer": "off"}});
+    let settings = json!({"strategy": "ladder", "id": "run", "name": HTML_NAME, "seed": 7, "tasks": ["kessler/survival"], "design": {"designer": "off"}});
     let _ = api.post("/v1/runs", settings).await.expect(201);
     for _ in 0..3 {
         let lease = api.lease("run", json!({"groups": 32})).await;
@@ -59,7 +59,7 @@ async fn report_is_one_self_contained_page() {
 #[tokio::test(flavor = "multi_thread")]
 async fn report_explains_invalid_arguments() {
     let server = Server::start().await;
-    let _ = server.api().post("/v1/runs", json!({"id": "young"})).await.expect(201);
+    let _ = server.api().post("/v1/runs", json!({"strategy": "ladder", "id": "young"})).await.expect(201);
     let folder = tempfile::tempdir().unwrap();
     let (db, out) =
         (server.db_path().display().to_string(), folder.path().join("r.html").display().to_string());

@@ -17,7 +17,7 @@ const ROUNDS: usize = 44;
 const GROUPS_PER_LEASE: [u32; 3] = [6, 1, 1];
 
 async fn create(api: &ApiClient, placement: bool, retention: Value) {
-    let settings = json!({"id": "run", "seed": 77, "group_size": 2, "target": "mastery", "tasks": [SURVIVAL, ECO],
+    let settings = json!({"strategy": "ladder", "id": "run", "seed": 77, "group_size": 2, "target": "mastery", "tasks": [SURVIVAL, ECO],
                       "design": {"designer": "off"}, "placement": placement, "retention": retention});
     let _ = api.post("/v1/runs", settings).await.expect(201);
 }

@@ -63,7 +63,7 @@ async fn train(api: &ApiClient, run: &str, leases: usize) -> Vec<Value> {
 }
 
 async fn create_run(api: &ApiClient) {
-    let settings = json!({"id": "run", "tasks": ["kessler/survival"], "design": {"designer": "off"}});
+    let settings = json!({"strategy": "ladder", "id": "run", "tasks": ["kessler/survival"], "design": {"designer": "off"}});
     let _ = api.post("/v1/runs", settings).await.expect(201);
 }
 

@@ -22,7 +22,7 @@ fn short_episodes() -> Value {
 async fn episodes_of_all_tasks_are_scored_by_replay() {
     let server = Server::start().await;
     let api = server.api();
-    let settings = json!({"id": "run", "seed": 3, "placement": false, "tasks": TASKS, "group_size": 1,
+    let settings = json!({"strategy": "ladder", "id": "run", "seed": 3, "placement": false, "tasks": TASKS, "group_size": 1,
         "task_settings": short_episodes()});
     let _ = api.post("/v1/runs", settings).await.expect(201);
     let lease = api.lease("run", json!({"groups": 12})).await;

@@ -79,8 +79,7 @@ async fn evaluation_of_one_task_uses_its_part_of_the_suite() {
     const SUITE: &str = "docking-heldout-v1";
     let server = Server::start().await;
     let api = server.api();
-    let request =
-        json!({"id": "run", "tasks": ["docking/single"], "placement": false, "design": {"designer": "off"}});
+    let request = json!({"strategy": "ladder", "id": "run", "tasks": ["docking/single"], "placement": false, "design": {"designer": "off"}});
     let _ = api.post("/v1/runs", request).await.expect(201);
     let request = json!({"suite": SUITE, "policy": "mine", "run": "run", "rollouts": 1, "stochastic": false, "tasks": ["docking/single"]});
     let own_evaluation = create_evaluation(&api, request).await;
@@ -145,7 +144,7 @@ async fn assert_duplicates_are_rejected(
 async fn trainer_evaluates_its_policy_in_leases() {
     let server = Server::start().await;
     let api = server.api();
-    let request = json!({"id": "run", "seed": 4, "tasks": [SURVIVAL], "design": {"designer": "off"}});
+    let request = json!({"strategy": "ladder", "id": "run", "seed": 4, "tasks": [SURVIVAL], "design": {"designer": "off"}});
     let _ = api.post("/v1/runs", request).await.expect(201);
     let own_request = json!({"suite": "docking-heldout-v1", "policy": "mine", "run": "run", "rollouts": 1, "stochastic": false,
                       "training": "kind", "training_seed": 1});
@@ -211,8 +210,7 @@ async fn trainer_evaluates_its_policy_in_leases() {
 async fn cancelled_evaluation_stores_results_but_stays_failed() {
     let server = Server::start().await;
     let api = server.api();
-    let request =
-        json!({"id": "run", "tasks": ["docking/single"], "placement": false, "design": {"designer": "off"}});
+    let request = json!({"strategy": "ladder", "id": "run", "tasks": ["docking/single"], "placement": false, "design": {"designer": "off"}});
     let _ = api.post("/v1/runs", request).await.expect(201);
     let suite = json!({"suite": "docking-heldout-v1", "policy": "mine", "run": "run", "rollouts": 1,
                        "stochastic": false, "tasks": ["docking/single"]});
@@ -251,7 +249,10 @@ async fn cancelled_evaluation_stores_results_but_stays_failed() {
 async fn invalid_evaluations_are_rejected() {
     let server = Server::start().await;
     let api = server.api();
-    let _ = api.post("/v1/runs", json!({"id": "run", "tasks": [SURVIVAL]})).await.expect(201);
+    let _ = api
+        .post("/v1/runs", json!({"strategy": "ladder", "id": "run", "tasks": [SURVIVAL]}))
+        .await
+        .expect(201);
     for (request, field) in [
         (json!({"policy": "golf"}), "policy"),
         (json!({"policy": "hold", "suite": "kessler-heldout-v9"}), "suite"),

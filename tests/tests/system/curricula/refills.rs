@@ -11,8 +11,7 @@ use super::{SURVIVAL, groups};
 async fn zero_variance_groups_are_refilled_once() {
     let server = Server::start().await;
     let api = server.api();
-    let settings =
-        json!({"id": "run", "seed": 4, "tasks": [SURVIVAL], "group_size": 2, "design": {"designer": "off"}});
+    let settings = json!({"strategy": "ladder", "id": "run", "seed": 4, "tasks": [SURVIVAL], "group_size": 2, "design": {"designer": "off"}});
     let _ = api.post("/v1/runs", settings).await.expect(201);
     let leased = api.lease("run", json!({"groups": 4, "refill": true})).await;
     let path = format!("/v1/runs/run/leases/{}", leased.id());
@@ -59,7 +58,7 @@ async fn zero_variance_groups_are_refilled_once() {
 
 /// Siblings whose first burns differ by `step` LU/TU each, in one group of eight.
 async fn report_siblings(api: &ApiClient, run: &str, step: f64) -> Value {
-    let settings = json!({"id": run, "seed": 1, "tasks": ["kessler/eco_station"], "group_size": 8, "placement": false,
+    let settings = json!({"strategy": "ladder", "id": run, "seed": 1, "tasks": ["kessler/eco_station"], "group_size": 8, "placement": false,
         "design": {"designer": "off"}});
     let _ = api.post("/v1/runs", settings).await.expect(201);
     let lease = api.lease(run, json!({"groups": 1, "refill": true})).await;
@@ -93,7 +92,7 @@ async fn float_noise_is_no_variance() {
 async fn groups_with_variance_are_not_refilled() {
     let server = Server::start().await;
     let api = server.api();
-    let settings = json!({"id": "run", "seed": 4, "tasks": [SURVIVAL], "group_size": 4, "min_group": 2, "design": {"designer": "off"}});
+    let settings = json!({"strategy": "ladder", "id": "run", "seed": 4, "tasks": [SURVIVAL], "group_size": 4, "min_group": 2, "design": {"designer": "off"}});
     let _ = api.post("/v1/runs", settings).await.expect(201);
     let leased = api.lease("run", json!({"groups": 2, "refill": true})).await;
     let episodes = leased.episodes();
@@ -130,7 +129,7 @@ async fn feed_with_refill_has_no_zero_variance_groups() {
     let api = server.api();
     let mut wanted = 60; // the first run raises it until a group without variance was seen
     for (run, refill) in [("all", false), ("some", true)] {
-        let settings = json!({"id": run, "seed": 4, "tasks": [SURVIVAL], "group_size": 2, "design": {"designer": "off"}});
+        let settings = json!({"strategy": "ladder", "id": run, "seed": 4, "tasks": [SURVIVAL], "group_size": 2, "design": {"designer": "off"}});
         let _ = api.post("/v1/runs", settings).await.expect(201);
         let policy = json!({"policy": "random", "refill": refill, "max_unacknowledged_groups": 24});
         let _ = api.send_json("PUT", &format!("/v1/runs/{run}/policy"), policy).await.expect(200);

@@ -15,7 +15,7 @@ const TASK: &str = "kessler/survival";
 
 async fn create_run(api: &ApiClient, id: &str, settings: Value) -> Value {
     let mut request = json!({
-        "id": id, "seed": 11, "group_size": 2, "placement": false, "contested_share": 1.0, "tasks": [TASK],
+        "strategy": "ladder", "id": id, "seed": 11, "group_size": 2, "placement": false, "contested_share": 1.0, "tasks": [TASK],
         "design": {"designer": "off"}
     });
     for (key, value) in settings.as_object().unwrap() {

@@ -88,7 +88,7 @@ async fn runs_with_a_used_seed_are_marked() {
     assert_eq!(create_run(&api, "other", json!({"seed": 4})).await["seed_reused"], false);
     assert_eq!(create_run(&api, "second", json!({"seed": 3})).await["seed_reused"], true);
     // A refused run uses no seed.
-    let _ = api.post("/v1/runs", json!({"id": "first", "seed": 5})).await.expect(409);
+    let _ = api.post("/v1/runs", json!({"strategy": "ladder", "id": "first", "seed": 5})).await.expect(409);
     assert_eq!(create_run(&api, "third", json!({"seed": 5})).await["seed_reused"], false);
     assert_eq!(is_seed_reused(&api, "first").await, true, "the second run shows the scenarios of the first");
     assert_eq!(is_seed_reused(&api, "second").await, true);
@@ -97,7 +97,12 @@ async fn runs_with_a_used_seed_are_marked() {
     let deleted = api.request("DELETE", "/v1/runs/other?name=other", "application/json", "").await;
     let _ = deleted.expect(200);
     wait_until("the run is deleted", async || {
-        api.post("/v1/runs", json!({"id": "other", "seed": 6, "tasks": ["docking/single"]})).await.status
+        api.post(
+            "/v1/runs",
+            json!({"strategy": "ladder", "id": "other", "seed": 6, "tasks": ["docking/single"]}),
+        )
+        .await
+        .status
             == 201
     })
     .await;

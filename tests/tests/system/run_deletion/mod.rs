@@ -17,7 +17,7 @@ const TASK: &str = "kessler/survival";
 /// Creates a run of one task whose scenarios are quick to prepare; `overrides` replaces settings.
 async fn create(api: &ApiClient, id: &str, overrides: Value) {
     let mut request = json!({
-        "id": id, "name": format!("the run {id}"), "seed": 5, "group_size": 2, "tasks": [TASK], "contested_share": 0.0,
+        "strategy": "ladder", "id": id, "name": format!("the run {id}"), "seed": 5, "group_size": 2, "tasks": [TASK], "contested_share": 0.0,
         "placement": false, "design": {"designer": "off"},
     });
     request.as_object_mut().unwrap().extend(overrides.as_object().unwrap().clone());
@@ -42,7 +42,7 @@ async fn archive_and_delete(api: &ApiClient, id: &str) {
 /// Waits until the id of a deleted run can be used again, and creates a run with it.
 async fn create_again(api: &ApiClient, id: &str) {
     wait_until("the deletion is complete", async || {
-        let request = json!({"id": id, "name": format!("the run {id}"), "tasks": [TASK], "design": {"designer": "off"}});
+        let request = json!({"strategy": "ladder", "id": id, "name": format!("the run {id}"), "tasks": [TASK], "design": {"designer": "off"}});
         let response = api.post("/v1/runs", request).await;
         assert!(response.status == 201 || response.body["type"] == "urn:sparring:problem:run_being_deleted", "{response:?}");
         response.status == 201

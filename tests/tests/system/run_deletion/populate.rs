@@ -25,7 +25,7 @@ async fn wait_for_response(api: &ApiClient, path: &str, is_met: impl Fn(&Value) 
 pub(crate) async fn create_populated_run(api: &ApiClient, id: &str) -> PopulatedRun {
     let run = format!("/v1/runs/{id}");
     let request = json!({
-        "id": id, "name": format!("the run {id}"), "seed": 11, "group_size": 2, "placement": false,
+        "strategy": "ladder", "id": id, "name": format!("the run {id}"), "seed": 11, "group_size": 2, "placement": false,
         "contested_share": 1.0, "target": "mastery", "tasks": [TASK], "tags": ["first", "second"],
     });
     let _ = api.post("/v1/runs", request).await.expect(201);

@@ -132,7 +132,7 @@ async fn no_route_finds_a_deleted_run() {
     let _ = delete(&api, "gone", "?name=the%20run%20gone").await.expect(200);
     assert_operations_find_no_run(&api, &ids).await;
     assert_lists_skip_the_run(&api, &ids).await;
-    let taken = api.post("/v1/runs", json!({"id": "gone"})).await.expect(409);
+    let taken = api.post("/v1/runs", json!({"strategy": "ladder", "id": "gone"})).await.expect(409);
     assert_eq!(
         (&taken["type"], &taken["field"]),
         (&json!("urn:sparring:problem:run_being_deleted"), &json!("id"))

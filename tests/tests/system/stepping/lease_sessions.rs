@@ -186,7 +186,7 @@ async fn unfinished_episodes_are_returned_to_the_lease() {
 async fn session_on_a_mixed_lease_names_its_task() {
     let server = Server::start().await;
     let api = server.api();
-    let settings = json!({"id": "run", "seed": 3, "placement": false, "tasks": ["kessler/survival", "docking/multiagent"],
+    let settings = json!({"strategy": "ladder", "id": "run", "seed": 3, "placement": false, "tasks": ["kessler/survival", "docking/multiagent"],
                       "design": {"designer": "off"}});
     let _ = api.post("/v1/runs", settings).await.expect(201);
     let lease = api.lease("run", json!({"groups": 8})).await;

@@ -9,7 +9,7 @@ use system_tests::{ApiClient, episode_result};
 
 /// Creates a run of one task without designs and placement; `overrides` replaces settings.
 async fn create_run(api: &ApiClient, overrides: Value) {
-    let mut settings = json!({"id": "run", "seed": 9, "placement": false, "tasks": ["kessler/survival"],
+    let mut settings = json!({"strategy": "ladder", "id": "run", "seed": 9, "placement": false, "tasks": ["kessler/survival"],
                          "design": {"designer": "off"}});
     for (key, value) in overrides.as_object().expect("an object") {
         settings[key] = value.clone();
