@@ -34,13 +34,16 @@ pub struct Args {
 }
 
 const AFTER_HELP: &str = "\
-JSON (--json): one object {tolerance, files}. Each file: {file, world, within, episodes, steps, allowed, first, \
+JSON (--json): one object {tolerance, files}. Each file: {file, world, within, episodes, steps, allowed, values, first, \
 documented} and the worst absolute difference of each quantity that the recording has under its name (null: not a finite number). They \
 are satellite, debris, reward and total_score for kessler; state, observation, reward_distance, reward_delta_v, \
 reward_velocity, reward_success, reward_failure, reward, return and done for docking (done is 1 where a flag or a reason \
-differs); step_end, reward, storage, battery, attitude, rate, wheel_speed, position, net_power, motor_torque, thruster_time, \
-observation, window and outcome for tasking (outcome is 1 where an image, a flag, a pair or an order differs). allowed has the largest accepted difference under the same names: the tolerance, or the precision of the recording or the \
-world's own tolerance if that is larger. first is the first step that differs, {episode (from 0), step (from 1), what}, or null; documented is a list of \
+differs); for tasking step_end, reward, storage, battery, attitude, rate, wheel_speed, position, velocity, net_power, panel_power, \
+illumination, sampled_illumination, pointing_error, guidance, motor_torque, thruster_time, elevation, range, sun, earth_rotation, \
+observation, observed_priority, observed_window, observed_eclipse, eclipse, target_window, station_window and outcome (outcome is 1 where \
+an image, a flag, a count, a pair or an order differs). Times are in seconds, and the others in SI units; sun is in arcseconds. \
+allowed has the largest accepted difference under the same names: the tolerance, or the precision of the recording or the \
+world's own tolerance if that is larger. values has the number of compared values. first is the first step that differs, {episode (from 0), step (from 1), what}, or null; documented is a list of \
 sentences.
 
 Examples:
@@ -77,6 +80,7 @@ impl Serialize for FileComparison {
             #[serde(flatten)]
             worst: QuantityMap<'a>,
             allowed: QuantityMap<'a>,
+            values: CountMap<'a>,
             first: Option<FirstStep<'a>>,
             documented: &'a [String],
         }
@@ -86,6 +90,14 @@ impl Serialize for FileComparison {
             fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
                 let compared = self.0.iter().filter(|worst| worst.is_compared);
                 serializer.collect_map(compared.map(|worst| (worst.quantity, self.1(worst))))
+            }
+        }
+        /// Number of compared values of each compared quantity.
+        struct CountMap<'a>(&'a [WorstDifference]);
+        impl Serialize for CountMap<'_> {
+            fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                let compared = self.0.iter().filter(|worst| worst.is_compared);
+                serializer.collect_map(compared.map(|worst| (worst.quantity, worst.values)))
             }
         }
         #[derive(Serialize)]
@@ -103,6 +115,7 @@ impl Serialize for FileComparison {
             steps: *steps,
             worst: QuantityMap(worst, |worst| worst.difference),
             allowed: QuantityMap(worst, |worst| worst.allowed),
+            values: CountMap(worst),
             first: first.as_ref().map(|FirstDifference { episode, step, what }| FirstStep {
                 episode: *episode,
                 step: *step,
@@ -238,6 +251,7 @@ fn quantities(file: &FileComparison) -> TextTable {
     let word = (numbers && !file.is_within_tolerance()).then(|| WorstDifference {
         difference: 1.0,
         is_compared: true,
+        values: 1,
         ..WorstDifference::new("text", 0.0)
     });
     let mut table = TextTable::new([
@@ -245,16 +259,18 @@ fn quantities(file: &FileComparison) -> TextTable {
         Column::text("verdict"),
         Column::number("worst"),
         Column::number("allowed"),
+        Column::number("values"),
     ]);
-    for WorstDifference { quantity, difference, allowed, is_compared } in worst.iter().chain(&word) {
+    for WorstDifference { quantity, difference, allowed, is_compared, values } in worst.iter().chain(&word) {
         let verdict = match is_compared {
-            false => "not recorded",
+            false => "not compared",
             true if difference <= allowed => "within",
             true => "DIFFERS",
         };
         let number = |number: &f64| if *is_compared { format!("{number:.1e}") } else { "–".to_owned() };
         let numbers = [difference, allowed].map(number);
-        table.add_row([*quantity, verdict].map(str::to_owned).into_iter().chain(numbers));
+        let cells = [*quantity, verdict].map(str::to_owned).into_iter().chain(numbers);
+        table.add_row(cells.chain([values.to_string()]));
     }
     table
 }

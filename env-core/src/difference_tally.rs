@@ -60,6 +60,27 @@ impl DifferenceTally {
         }
     }
 
+    /// Compares two values that are not numbers, and must be equal. `what` names them in the message.
+    pub(crate) fn compare_outcomes<T: PartialEq + std::fmt::Debug + ?Sized>(
+        &mut self,
+        ours: &T,
+        theirs: &T,
+        what: Arguments<'_>,
+    ) {
+        if ours == theirs {
+            self.add_match();
+        } else {
+            self.add_mismatch(format!("{what}: {ours:?} here, {theirs:?} recorded"));
+        }
+    }
+
+    /// Counts a comparison of values that are not numeric and are equal.
+    pub(crate) fn add_match(&mut self) {
+        if let Some(quantity) = self.mismatches {
+            self.update_worst(quantity, 0.0, 0.0);
+        }
+    }
+
     /// Adds a difference that is not numeric.
     pub(crate) fn add_mismatch(&mut self, what: String) {
         if let Some(quantity) = self.mismatches {

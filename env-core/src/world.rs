@@ -69,18 +69,21 @@ pub struct WorstDifference {
     pub allowed: f64,
     /// True if a value was compared: a recording need not have all quantities.
     pub is_compared: bool,
+    /// Number of compared values.
+    pub values: usize,
 }
 
 impl WorstDifference {
     /// Creates a record without compared values; `allowed` is the requested tolerance.
     #[must_use]
     pub const fn new(quantity: &'static str, allowed: f64) -> Self {
-        Self { quantity, difference: 0.0, allowed, is_compared: false }
+        Self { quantity, difference: 0.0, allowed, is_compared: false, values: 0 }
     }
 
     /// Replaces the record by another difference of the same quantity if that is worse.
     pub fn update(&mut self, difference: f64, allowed: f64) {
         self.is_compared = true;
+        self.values += 1;
         // A difference beyond the allowed one is worse than one within; then the ratio decides, which may overflow.
         let rank = |difference: f64, allowed: f64| {
             (difference > allowed, difference / allowed.max(f64::MIN_POSITIVE), difference)

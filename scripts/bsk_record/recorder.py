@@ -134,7 +134,7 @@ def state(satellite: Any, with_position: bool) -> dict[str, Any]:
         "omega_BN_B": dynamics.omega_BN_B,
         "wheel_speeds_rad_s": dynamics.wheel_speeds,
         "battery_Ws": dynamics.battery_charge,
-        "storage": storage(dynamics),
+        "storage": storage(dynamics) if hasattr(dynamics, "storageUnit") else {},
     }
     return values | {"r_BN_N": dynamics.r_BN_N} if with_position else values
 

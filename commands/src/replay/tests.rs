@@ -65,7 +65,7 @@ fn validate_safe_autonomy_sims_the_fixtures_replay() {
         );
         let told = serde_json::to_value(&found).unwrap();
         let keys = told.as_object().unwrap().len();
-        assert_eq!(keys, 8 + found.compared.worst.len(), "{told}");
+        assert_eq!(keys, 9 + found.compared.worst.len(), "{told}");
         assert!(found.compared.worst.iter().all(|worst| worst.difference <= worst.allowed), "{found:?}");
         let table = text_report(&[found], 1e-9).render(OutputTarget::Terminal(100));
         let widest = table.lines().map(|line| line.chars().count()).max();
@@ -90,6 +90,39 @@ fn validate_bsk_a_recording_replays() {
     assert!(first.what.starts_with("end of the step"), "{}", first.what);
 }
 
+/// A recording of BSK-RL with a number changed at a place, as a file.
+fn changed_recording(name: &str, pointer: &str, change: f64) -> tempfile::NamedTempFile {
+    let packed = std::fs::read(fixture().parent().unwrap().join(format!("tasking/{name}.json.gz"))).unwrap();
+    let mut value: Value = serde_json::from_reader(flate2::read::GzDecoder::new(&packed[..])).unwrap();
+    let number = value.pointer_mut(pointer).unwrap();
+    *number = serde_json::json!(number.as_f64().unwrap() + change);
+    let mut file = tempfile::NamedTempFile::new().unwrap();
+    file.write_all(&serde_json::to_vec(&value).unwrap()).unwrap();
+    file
+}
+
+/// Small changes of what satellites observe and choose are found: opening, priority, eclipse, the reset, and the chosen window.
+#[test]
+fn validate_bsk_altered_recordings_are_exit_1() {
+    /// Duration by which times are divided, s.
+    const ORBIT_S: f64 = 5700.0;
+    let changes = [
+        ("reference/b_gym_seed0", "/steps/5/observation/0/1", 0.1 / ORBIT_S),
+        ("reference/b_gym_seed0", "/steps/5/observation/2/6", 5e-5),
+        ("reference/a_random_seed1", "/steps/5/observation/9", 0.5 / ORBIT_S),
+        ("reference/b_pz_seed0", "/initial/observation/EO_2/3", 0.1 / ORBIT_S),
+        ("reference/b_pz_seed0", "/steps/0/selected/EO_1/open", 100.0),
+        ("reference/a_random_seed1", "/steps/5/net_power_W", 1.0),
+    ];
+    for (name, pointer, change) in changes {
+        for (change, expected) in [(0.0, ExitCode::SUCCESS), (change, ExitCode::FAILURE)] {
+            let file = changed_recording(name, pointer, change);
+            let verdict = compare_files(&args(vec![file.path().to_owned()])).verdict;
+            assert_eq!(verdict.unwrap(), expected, "{name} {pointer} {change}");
+        }
+    }
+}
+
 /// Comparisons of two worlds; one has a difference and a documented deviation.
 fn judged() -> [FileComparison; 2] {
     let compared = |worst: &[(&'static str, f64)], first, documented| RecordingComparison {
@@ -102,6 +135,7 @@ fn judged() -> [FileComparison; 2] {
                 difference,
                 allowed: 1e-9,
                 is_compared: true,
+                values: 90,
             })
             .collect(),
         first,

@@ -26,6 +26,10 @@ EPISODES = (
     "resource_reward",
     "drift",
     "rate_five_scan",
+    "bare_models",
+    "basic_on_scanner",
+    "basic_on_imager",
+    "imager_software_on_scanner",
 )
 REFERENCE_ARGS = {"batteryStorageCapacity": 1e9, "storedCharge_Init": 1e9}
 
@@ -97,19 +101,7 @@ def test_seed_draws_the_reference_episode(name, tools):
         assert np.abs(np.array(expected["r_LP_P_m"]) - target.r_LP_P).max() < PLACED_M
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "los_multi",
-        "broadcast",
-        "heterogeneous",
-        "deaths_constellation",
-        "deaths_general",
-        "resource_reward",
-        "drift",
-        "rate_five_scan",
-    ],
-)
+@pytest.mark.parametrize("name", EPISODES)
 def test_stepping_returns_what_was_recorded(name, tools, monkeypatch):
     recording = read("recorded", name)
     monkeypatch.setattr(tools.run, "version", lambda package: "")

@@ -168,9 +168,7 @@ fn compare_step(
             false
         }
         None => {
-            if sim.is_done() != step.all_done {
-                tally.add_mismatch(format!("done is {}, recorded {}", sim.is_done(), step.all_done));
-            }
+            tally.compare_outcomes(&sim.is_done(), &step.all_done, format_args!("done"));
             true
         }
     }
@@ -252,11 +250,8 @@ fn compare_end_conditions(
         .collect();
     ours.sort_unstable();
     theirs.sort_unstable();
-    if ends.any() != agent.done {
-        tally.add_mismatch(format!("{name} is done: {}, recorded {}", ends.any(), agent.done));
-    } else if ours != theirs {
-        tally.add_mismatch(format!("{name} ends by {ours:?}, recorded {theirs:?}"));
-    }
+    tally.compare_outcomes(&ends.any(), &agent.done, format_args!("{name} is done"));
+    tally.compare_outcomes(&ours, &theirs, format_args!("ends of {name}"));
 }
 
 /// The original's names of the rules by which a deputy left, and their verdicts.

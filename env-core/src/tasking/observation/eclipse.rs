@@ -36,15 +36,7 @@ impl EclipseForecast {
         }
         orbit.extend_to(seconds, sky);
         while self.samples.len() < needed {
-            // The eclipse model runs before the states are updated: its first sample has no state, later ones are late.
-            let is_lit = match self.samples.len() {
-                0 => true,
-                sample => {
-                    let position = orbit.half_arc_position(sample - 1);
-                    illumination(&position, &sky.sun((sample - 1) as f64 * SAMPLE_S)) > 0.0
-                }
-            };
-            self.samples.push(is_lit);
+            self.samples.push(sampled_illumination(self.samples.len(), orbit, sky) > 0.0);
         }
     }
 
@@ -99,4 +91,12 @@ impl EclipseForecast {
         }
         self.searched_s = until_s;
     }
+}
+
+/// Share of the Sun that a sample of the trajectory sees, 0 to 1. The orbit must extend to it.
+///
+/// The eclipse model runs before the states are updated: its first sample has no state, later ones are late.
+pub fn sampled_illumination(sample: usize, orbit: &Orbit, sky: &Sky) -> f64 {
+    let Some(before) = sample.checked_sub(1) else { return 1.0 };
+    illumination(&orbit.half_arc_position(before), &sky.sun(before as f64 * SAMPLE_S))
 }

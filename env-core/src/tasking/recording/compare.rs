@@ -1,67 +1,42 @@
-//! Comparison of a step with its recording, with built-in tolerances.
+//! Comparison of a step with its recording: rewards, flags, images and communication. [`super::state`] compares the states of the
+//! satellites, [`super::observation`] what they observe, [`super::windows`] the windows of access.
 
 use std::collections::BTreeSet;
 
 use serde_json::Value;
 
-use super::read::{ReadResult, member, number, number_of, numbers, vector_of};
+use super::observation::compare_observation;
+use super::read::{ReadResult, number, number_of, whole};
+use super::state::compare_state;
+use super::tolerances::TIME_S;
+use super::windows::{ChosenWindow, compare_next_station, compare_selected};
 use crate::difference_tally::DifferenceTally;
-use crate::tasking::access::{Opportunity, OpportunityKind};
 use crate::tasking::simulation::{StepResult, TaskingSim};
-use crate::tasking::vector3::{Vector3, dot, norm, sub};
 
-/// Compared quantities in the order of presentation.
-pub const QUANTITIES: [&str; 13] = [
-    "step_end",
-    "reward",
-    "storage",
-    "battery",
-    "attitude",
-    "rate",
-    "wheel_speed",
-    "position",
-    "net_power",
-    "motor_torque",
-    "thruster_time",
-    "observation",
-    "window",
-];
+/// What held before a step.
+pub(super) struct BeforeStep {
+    /// Time since the start, s.
+    pub time_s: f64,
+    /// Satellites that needed an action.
+    pub needs_action: Vec<bool>,
+}
 
-/// Largest allowed differences of a step.
-pub mod tolerances {
-    /// Rewards for data: they are equal but for rounding.
-    pub const REWARD: f64 = 1e-9;
-    /// Rewards that include changes of a resource.
-    pub const RESOURCE_REWARD: f64 = 1e-5;
-    /// Battery at the ends of steps, W·s.
-    pub const BATTERY_WS: f64 = 1.0;
-    /// MRP of the attitude of satellites that image targets, at the ends of steps.
-    pub const IMAGER_SIGMA: f64 = 1e-6;
-    /// MRP of the attitude of other satellites. Wheels that drift with their last torque, and long ticks, amplify rounding.
-    pub const SIGMA: f64 = 1e-5;
-    /// Angular velocity at the ends of steps, rad/s.
-    pub const OMEGA_RAD_S: f64 = 1e-6;
-    /// Wheel speeds at the ends of steps, rad/s.
-    pub const WHEELS_RAD_S: f64 = 0.02;
-    /// Position, m. Basilisk propagates orbits with the length of a tick; the error of its RK4 grows with the fourth power.
-    #[must_use]
-    pub fn position_m(tick_s: f64) -> f64 {
-        let square = tick_s * tick_s;
-        0.5 * (square * square / 100.0).max(1.0)
+impl BeforeStep {
+    /// Takes what holds now.
+    pub(super) fn of(sim: &TaskingSim) -> Self {
+        let needs_action = (0..sim.len()).map(|index| sim.needs_action(index)).collect();
+        Self { time_s: sim.time_s(), needs_action }
     }
-    /// Observations, relative to the larger of 1 and their magnitude.
-    pub const OBSERVATION: f64 = 1e-4;
-    /// Windows of ground stations, s.
-    pub const STATION_WINDOW_S: f64 = 0.1;
-    /// Windows of targets, s.
-    pub const TARGET_WINDOW_S: f64 = 0.03;
 }
 
 /// A recorded step and its replay.
 pub(super) struct StepComparison<'a> {
     pub step: &'a Value,
     pub names: &'a [String],
+    pub before: &'a BeforeStep,
     pub result: &'a StepResult,
+    /// Windows of the targets that satellites were tasked with in this step.
+    pub chosen: &'a [Option<ChosenWindow>],
     /// True if only satellites that need an action are observed.
     pub observes_idle_only: bool,
     /// Largest allowed difference of rewards.
@@ -73,20 +48,47 @@ pub(super) struct StepComparison<'a> {
 impl StepComparison<'_> {
     /// Compares everything that the recording has.
     pub(super) fn run(&self, sim: &mut TaskingSim, tally: &mut DifferenceTally) -> ReadResult<()> {
+        self.compare_times(tally)?;
         for (index, name) in self.names.iter().enumerate() {
             self.compare_rewards(index, name, tally)?;
             self.compare_flags(index, name, sim, tally);
             if let Some(state) = self.step["states"].get(name) {
                 compare_state(state, index, name, sim, self.tick_s, tally)?;
             }
-            self.compare_images(index, name, sim, tally)?;
+            self.compare_images(index, name, sim, tally);
+            if let Some(selected) = self.step.get("selected").filter(|selected| selected.is_object()) {
+                compare_selected(selected, self.chosen[index].as_ref(), name, sim, tally)?;
+            }
             // Some environments observe only satellites that need an action; the others see zeros.
             let is_observed = !self.observes_idle_only || sim.needs_action(index);
             if let Some(observation) = self.step["observation"].get(name).filter(|_| is_observed) {
-                compare_observation(observation, index, name, sim, tally)?;
+                compare_observation(observation, index, name, sim, self.tick_s, tally)?;
+            }
+            if let Some(state) = self.step["states"].get(name) {
+                compare_next_station(state, index, name, sim, tally)?;
             }
         }
         self.compare_pairs(tally)
+    }
+
+    fn compare_times(&self, tally: &mut DifferenceTally) -> ReadResult<()> {
+        let start = number_of(self.step, "t_start")?;
+        tally.compare_numbers(
+            "step_end",
+            self.before.time_s,
+            start,
+            TIME_S,
+            format_args!("start of the step"),
+        );
+        let info = &self.step["info"];
+        let durations = [self.step.get("d_ts"), info.get("d_ts"), info["__common__"].get("d_ts")];
+        let of_satellites = self.names.iter().map(|name| info[name].get("d_ts"));
+        let is_recorded = |value: &&Value| !value.is_null();
+        for theirs in durations.into_iter().chain(of_satellites).flatten().filter(is_recorded) {
+            let what = format_args!("duration of the step");
+            tally.compare_numbers("step_end", self.result.elapsed_s, number(theirs)?, TIME_S, what);
+        }
+        Ok(())
     }
 
     fn compare_rewards(&self, index: usize, name: &str, tally: &mut DifferenceTally) -> ReadResult<()> {
@@ -108,16 +110,19 @@ impl StepComparison<'_> {
 
     fn compare_flags(&self, index: usize, name: &str, sim: &TaskingSim, tally: &mut DifferenceTally) {
         let mut compare = |what: &str, ours: bool, theirs: Option<&Value>| {
-            if let Some(theirs) = theirs.and_then(Value::as_bool)
-                && theirs != ours
-            {
-                tally.add_mismatch(format!("{what} of {name} is {ours}, recorded {theirs}"));
+            if let Some(theirs) = theirs.and_then(Value::as_bool) {
+                tally.compare_outcomes(&ours, &theirs, format_args!("{what} of {name}"));
             }
         };
         let of_satellite = |field: &str| self.step[field].get(name).or(Some(&self.step[field]));
+        let info = &self.step["info"];
+        let told = info[name].get("requires_retasking").or_else(|| info.get("requires_retasking"));
         // Dead satellites need no action, but BSK-RL leaves the flag of their last event.
         if sim.is_alive(index) {
+            let before = self.step["required_retasking_before"].get(name);
+            compare("need of an action before", self.before.needs_action[index], before);
             compare("needs_action", sim.needs_action(index), self.step["requires_retasking"].get(name));
+            compare("requires_retasking in info", sim.needs_action(index), told);
         }
         compare("alive", sim.is_alive(index), self.step["alive"].get(name));
         let any_terminated = self.result.terminated.iter().any(|terminated| *terminated);
@@ -127,39 +132,18 @@ impl StepComparison<'_> {
         compare("truncated", self.result.truncated, of_satellite("truncated"));
     }
 
-    fn compare_images(
-        &self,
-        index: usize,
-        name: &str,
-        sim: &TaskingSim,
-        tally: &mut DifferenceTally,
-    ) -> ReadResult<()> {
+    fn compare_images(&self, index: usize, name: &str, sim: &TaskingSim, tally: &mut DifferenceTally) {
         let [images, misses] = sim.image_counts(index);
         let known = sim.known_images(index).len();
         let counts = [("imaged", images as usize), ("missed", misses as usize), ("known_imaged", known)];
         for (field, ours) in counts {
-            if let Some(theirs) = self.step[field].get(name).and_then(Value::as_u64)
-                && theirs != ours as u64
-            {
-                tally.add_mismatch(format!("{field} of {name} is {ours}, recorded {theirs}"));
+            if let Some(theirs) = self.step[field].get(name).and_then(whole) {
+                tally.compare_outcomes(&(ours as u64), &theirs, format_args!("{field} of {name}"));
             }
         }
-        if let Some(selected) = self.step["selected"].get(name).filter(|selected| !selected.is_null()) {
-            let theirs = selected["target"].as_str().unwrap_or_default();
-            let ours = sim.tasked_target(index).map_or("", |target| sim.targets()[target].name.as_str());
-            if ours != theirs {
-                tally.add_mismatch(format!("target of {name} is {ours}, recorded {theirs}"));
-            }
+        if let Some(theirs) = self.step["newly_imaged"].get(name) {
+            compare_imaged(theirs, self.result.imaged[index], name, sim, tally);
         }
-        if let Some(theirs) = self.step["newly_imaged"].get(name).and_then(Value::as_array) {
-            let theirs: Vec<&str> = theirs.iter().filter_map(Value::as_str).collect();
-            let ours: Vec<&str> =
-                self.result.imaged[index].iter().map(|target| sim.targets()[*target].name.as_str()).collect();
-            if ours != theirs {
-                tally.add_mismatch(format!("images of {name} are {ours:?}, recorded {theirs:?}"));
-            }
-        }
-        Ok(())
     }
 
     fn compare_pairs(&self, tally: &mut DifferenceTally) -> ReadResult<()> {
@@ -177,163 +161,47 @@ impl StepComparison<'_> {
             };
         }
         let ours: BTreeSet<[usize; 2]> = self.result.pairs.iter().copied().collect();
-        if ours != theirs {
-            tally.add_mismatch(format!("pairs that shared data are {ours:?}, recorded {theirs:?}"));
-        }
+        tally.compare_outcomes(&ours, &theirs, format_args!("pairs that shared data"));
         Ok(())
     }
 }
 
-/// Compares the observations of a reset.
-pub(super) fn compare_initial(
-    initial: &Value,
-    names: &[String],
-    sim: &mut TaskingSim,
-    tally: &mut DifferenceTally,
-) -> ReadResult<()> {
-    for (index, name) in names.iter().enumerate() {
-        if let Some(observation) = initial["observation"].get(name) {
-            compare_observation(observation, index, name, sim, tally)?;
-        }
-    }
-    Ok(())
-}
-
-/// Difference of two attitudes: the smaller one to the recorded MRP or its shadow.
-pub(super) fn sigma_difference(ours: &Vector3<f64>, theirs: &Vector3<f64>) -> f64 {
-    let largest = |v: Vector3<f64>| v.iter().fold(0.0_f64, |max, x| max.max(x.abs()));
-    let square = dot(theirs, theirs);
-    let shadow = theirs.map(|x| -x / square);
-    largest(sub(ours, theirs)).min(if square > 0.0 { largest(sub(ours, &shadow)) } else { f64::INFINITY })
-}
-
-fn compare_state(
+/// Compares the names of the targets that a satellite imaged in a step.
+pub(super) fn compare_imaged(
     recorded: &Value,
-    index: usize,
+    imaged: Option<usize>,
     name: &str,
     sim: &TaskingSim,
+    tally: &mut DifferenceTally,
+) {
+    let Some(theirs) = recorded.as_array() else { return };
+    let theirs: Vec<&str> = theirs.iter().filter_map(Value::as_str).collect();
+    let ours: Vec<&str> = imaged.iter().map(|target| sim.targets()[*target].name.as_str()).collect();
+    tally.compare_outcomes(&ours, &theirs, format_args!("images of {name}"));
+}
+
+/// Compares the observations and flags of a reset, and the state after it.
+pub(super) fn compare_initial(
+    recording: &Value,
+    names: &[String],
+    sim: &mut TaskingSim,
     tick_s: f64,
     tally: &mut DifferenceTally,
 ) -> ReadResult<()> {
-    let satellite = sim.satellite(index);
-    let state = &satellite.state;
-    let difference = sigma_difference(&state.attitude.sigma, &vector_of(recorded, "sigma_BN")?);
-    let is_imager = satellite.spec().dynamics.instrument && !satellite.spec().dynamics.continuous;
-    let allowed = if is_imager { tolerances::IMAGER_SIGMA } else { tolerances::SIGMA };
-    tally.compare_numbers("attitude", difference, 0.0, allowed, format_args!("attitude of {name}"));
-    let vectors = [
-        ("rate", &state.attitude.omega, "omega_BN_B", tolerances::OMEGA_RAD_S),
-        ("wheel_speed", &state.attitude.wheels, "wheel_speeds_rad_s", tolerances::WHEELS_RAD_S),
-    ];
-    for (quantity, ours, field, allowed) in vectors {
-        for (ours, theirs) in ours.iter().zip(vector_of(recorded, field)?) {
-            tally.compare_numbers(quantity, *ours, theirs, allowed, format_args!("{quantity} of {name}"));
-        }
-    }
-    let battery = number_of(recorded, "battery_Ws")?;
-    tally.compare_numbers(
-        "battery",
-        state.battery,
-        battery,
-        tolerances::BATTERY_WS,
-        format_args!("battery of {name}"),
-    );
-    let ours = satellite.stored();
-    for (partition, bits) in member(recorded, "storage")?.as_object().into_iter().flatten() {
-        let is_initial = partition == "STORED DATA" && !satellite.spec().dynamics.continuous;
-        let stored = ours[usize::from(is_initial)];
-        tally.compare_numbers("storage", stored, number(bits)?, 0.0, format_args!("`{partition}` of {name}"));
-    }
-    if let Some(position) = recorded.get("r_BN_N") {
-        let theirs: Vector3<f64> =
-            numbers(position)?.try_into().map_err(|_| "`r_BN_N` is not a vector".to_owned())?;
-        let apart = norm(&sub(&state.position, &theirs));
-        let allowed = tolerances::position_m(tick_s);
-        tally.compare_numbers("position", apart, 0.0, allowed, format_args!("position of {name}"));
-    }
-    Ok(())
-}
-
-fn compare_observation(
-    recorded: &Value,
-    index: usize,
-    name: &str,
-    sim: &mut TaskingSim,
-    tally: &mut DifferenceTally,
-) -> ReadResult<()> {
-    let theirs = numbers(recorded)?;
-    let mut ours = Vec::with_capacity(theirs.len());
-    sim.observe(index, &mut ours).map_err(|error| error.to_string())?;
-    let columns = sim.observation_columns(index);
-    if ours.len() != theirs.len() {
-        tally.add_mismatch(format!("{name} observes {} values, recorded {}", ours.len(), theirs.len()));
-        return Ok(());
-    }
-    for ((ours, theirs), column) in ours.iter().zip(&theirs).zip(&columns) {
-        let mut allowed = tolerances::OBSERVATION * theirs.abs().max(1.0);
-        // Times of windows that are not divided are in seconds.
-        if column.contains("opportunity") && !column.ends_with("_normd") {
-            allowed = allowed.max(tolerances::STATION_WINDOW_S);
-        }
-        if column.contains("r_BN") || column.contains("v_BN") || column.contains("r_L") {
-            allowed = allowed.max(1e-6 * theirs.abs());
-        }
-        tally.compare_numbers("observation", *ours, *theirs, allowed, format_args!("{column} of {name}"));
-    }
-    Ok(())
-}
-
-/// Compares the lists of opportunities at the end of the episode.
-pub(super) fn compare_opportunities(
-    recording: &Value,
-    names: &[String],
-    sim: &TaskingSim,
-    tally: &mut DifferenceTally,
-) -> ReadResult<()> {
+    let initial = &recording["initial"];
     for (index, name) in names.iter().enumerate() {
-        let Some(list) = recording["opportunities"].get(name) else { continue };
-        let ours = sim.opportunities(index);
-        let end = number_of(list, "window_calculation_time")?;
-        // Older recordings of scanning list the windows of the reset.
-        if ours.computed_s() < end - 1e-6 {
-            tally.add_mismatch(format!("windows of {name} reach {} s, recorded {end} s", ours.computed_s()));
-            continue;
+        if let Some(state) = recording["satellites"][index].get("initial") {
+            compare_state(state, index, name, sim, tick_s, tally)?;
         }
-        let mut items: Vec<Opportunity> = ours.all().into_iter().filter(|item| item.open_s < end).collect();
-        items.iter_mut().for_each(|item| item.close_s = item.close_s.min(end));
-        let theirs = member(list, "windows")?.as_array().ok_or("`windows` is not a list")?;
-        if theirs.len() != items.len() {
-            tally.add_mismatch(format!("{name} has {} windows, recorded {}", items.len(), theirs.len()));
-            continue;
+        let info = &initial["info"];
+        let told = info[name].get("requires_retasking").or_else(|| info.get("requires_retasking"));
+        if let Some(theirs) = told.and_then(Value::as_bool) {
+            let what = format_args!("requires_retasking of {name} after the reset");
+            tally.compare_outcomes(&sim.needs_action(index), &theirs, what);
         }
-        for (item, row) in items.iter().zip(theirs) {
-            compare_window(item, row, name, sim, tally)?;
+        if let Some(observation) = initial["observation"].get(name).filter(|value| !value.is_null()) {
+            compare_observation(observation, index, name, sim, tick_s, tally)?;
         }
-    }
-    Ok(())
-}
-
-fn compare_window(
-    item: &Opportunity,
-    row: &Value,
-    name: &str,
-    sim: &TaskingSim,
-    tally: &mut DifferenceTally,
-) -> ReadResult<()> {
-    let (object, allowed) = match item.kind {
-        OpportunityKind::Target => (sim.targets()[item.object].name.clone(), tolerances::TARGET_WINDOW_S),
-        OpportunityKind::GroundStation => {
-            (format!("GroundStation{}", sim.stations()[item.object].name), tolerances::STATION_WINDOW_S)
-        }
-    };
-    let theirs = row[1].as_str().unwrap_or_default();
-    if object != theirs {
-        tally.add_mismatch(format!("a window of {name} is of {object}, recorded {theirs}"));
-        return Ok(());
-    }
-
-    for (ours, theirs) in [(item.open_s, number(&row[2])?), (item.close_s, number(&row[3])?)] {
-        tally.compare_numbers("window", ours, theirs, allowed, format_args!("window of {object} for {name}"));
     }
     Ok(())
 }

@@ -1,13 +1,20 @@
 //! Recordings of BSK-RL's episodes, and their replay.
 //!
 //! The format is that of `scripts/bsk-record` (`docs/reference/bsk-recordings.md`). [`reference`] converts older recordings into it,
-//! [`read`] and [`setup`] read it, [`replay`] compares episodes step by step, [`trace`] tick by tick.
+//! [`read`] and [`setup`] read it, [`replay`] compares episodes step by step, [`trace`] tick by tick. [`tolerances`] has the largest
+//! allowed difference of each quantity.
 
-pub mod compare;
+mod compare;
+mod observation;
 pub mod read;
 pub mod reference;
 pub mod replay;
 pub mod setup;
-pub mod trace;
+mod state;
+pub mod tolerances;
+mod totals;
+mod trace;
+mod trace_sample;
+mod windows;
 
 pub use self::replay::{compare_recording, is_recording};

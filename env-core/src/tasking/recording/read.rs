@@ -26,6 +26,12 @@ pub fn number(value: &Value) -> ReadResult<f64> {
     }
 }
 
+/// A whole number, if the value is one.
+#[must_use]
+pub fn whole(value: &Value) -> Option<u64> {
+    value.as_f64().filter(|number| *number >= 0.0 && number.trunc() == *number).map(|number| number as u64)
+}
+
 /// The number of a member.
 ///
 /// # Errors

@@ -78,6 +78,7 @@ fn scanning(recording: &Value) -> ReadResult<Value> {
         "sat_args": member(recording, "sat_args_realized")?,
         "actions": [action("Scan", 180.0), action("Charge", 120.0), action("Downlink", 60.0), action("Desat", 60.0)],
         "observations": observations,
+        "initial": state(&recording["initial"], "STORED DATA")?,
     });
     let steps = match recording.get("steps") {
         Some(_) => list_of(recording, "steps")?.iter().map(scanning_step).collect::<ReadResult<Vec<_>>>()?,
@@ -95,10 +96,24 @@ fn scanning(recording: &Value) -> ReadResult<Value> {
         "world_args": world_args(recording)?,
         "satellites": [satellite],
         "targets": [],
-        "initial": {"observation": {SCANNER: recording["initial"]["observation"]}},
+        "initial": initial(recording, &json!({SCANNER: recording["initial"]["observation"]})),
         "steps": steps,
         "opportunities": scanning_opportunities(recording),
+        "station_positions": recording["ground_station_positions_P_m"],
+        "eclipse_sampled": recording["eclipse_sampled"],
+        "final": recording["final"],
     }))
+}
+
+/// Sky, flags and observations of the reset.
+fn initial(recording: &Value, observation: &Value) -> Value {
+    let initial = &recording["initial"];
+    json!({
+        "observation": observation,
+        "info": initial["info"],
+        "sun_position_N_m": initial["sun_position_N_m"],
+        "PN_dcm": initial["PN_dcm"],
+    })
 }
 
 fn scanning_opportunities(recording: &Value) -> Value {
@@ -120,20 +135,41 @@ fn scanning_step(step: &Value) -> ReadResult<Value> {
         "t_start": step["t_start"], "t_end": step["t_end"], "actions": {SCANNER: step["action"]},
         "reward": {SCANNER: paid}, "returned": returned,
         "terminated": step["terminated"], "truncated": step["truncated"],
-        "requires_retasking": {SCANNER: step["info"]["requires_retasking"]}, "alive": {SCANNER: alive},
+        "info": step["info"], "alive": {SCANNER: alive},
         "states": {SCANNER: state(step, "STORED DATA")?},
         "observation": {SCANNER: step["observation"]},
     }))
 }
 
-fn state(state: &Value, partition: &str) -> ReadResult<Value> {
-    Ok(json!({
-        "sigma_BN": member(state, "sigma_BN")?, "omega_BN_B": member(state, "omega_BN_B")?,
-        "wheel_speeds_rad_s": member(state, "wheel_speeds_rad_s")?,
-        "battery_Ws": member(state, "battery_charge_Ws")?,
-        "storage": {partition: member(state, "storage_level_bits")?},
-        "r_BN_N": member(state, "r_BN_N")?,
-    }))
+/// Fields of a state that the current format leaves out, or has under the same name.
+const STATE_FIELDS: [&str; 16] = [
+    "sigma_BN",
+    "omega_BN_B",
+    "wheel_speeds_rad_s",
+    "wheel_speeds_fraction",
+    "r_BN_N",
+    "v_BN_N",
+    "battery_charge_fraction",
+    "storage_level_fraction",
+    "net_power_W",
+    "illumination_factor",
+    "instrument_pointing_error_rad",
+    "solar_pointing_error_rad",
+    "next_eclipse_start",
+    "next_eclipse_end",
+    "checks",
+    "next_ground_station",
+];
+
+/// The state of a satellite. `partition` is the only one of its storage.
+fn state(recorded: &Value, partition: &str) -> ReadResult<Value> {
+    let mut state: Map<String, Value> = STATE_FIELDS
+        .iter()
+        .filter_map(|field| recorded.get(*field).map(|value| ((*field).to_owned(), value.clone())))
+        .collect();
+    state.insert("battery_Ws".to_owned(), member(recorded, "battery_charge_Ws")?.clone());
+    state.insert("storage".to_owned(), json!({partition: member(recorded, "storage_level_bits")?}));
+    Ok(Value::Object(state))
 }
 
 /// Three imaging satellites with 1 000 targets.
@@ -148,15 +184,16 @@ fn imaging(recording: &Value) -> ReadResult<Value> {
     let satellites: Vec<Value> = args
         .iter()
         .map(|(name, args)| {
-            json!({
+            Ok(json!({
                 "name": name, "type": "ImagingSatellite", "variable_interval": true, "generation_duration": 600.0,
                 "initial_generation_duration": null, "max_generation_duration_beyond_initial": null,
                 "dyn": ["FullFeaturedDynModel"], "fsw": ["SteeringImagerFSWModel"], "sat_args": args,
                 "actions": [{"type": "Image", "name": "action_image", "n_ahead_image": 10, "max_duration": null}],
                 "observations": observations,
-            })
+                "initial": state(&recording["initial"]["satellites"][name], "image_buffer")?,
+            }))
         })
-        .collect();
+        .collect::<ReadResult<_>>()?;
     let steps = match recording.get("steps") {
         Some(_) => list_of(recording, "steps")?
             .iter()
@@ -177,9 +214,11 @@ fn imaging(recording: &Value) -> ReadResult<Value> {
         "world_args": world_args(recording)?,
         "satellites": satellites,
         "targets": recording.get("targets").cloned().map_or_else(|| trace_targets(recording), Ok)?,
-        "initial": {"observation": by_name(&recording["initial"]["observation"], &names)},
+        "initial": initial(recording, &by_name(&recording["initial"]["observation"], &names)),
         "steps": steps,
         "opportunities": imaging_opportunities(recording),
+        "station_positions": recording["satellites"][names[0]]["ground_station_positions_P_m"],
+        "final": recording["final"],
     }))
 }
 
@@ -233,7 +272,8 @@ fn imaging_step(step: &Value, names: &[&String]) -> ReadResult<Value> {
         "t_start": step["t_start"], "t_end": step["t_end"], "actions": step["actions"], "selected": step["selected"],
         "reward": step["reward_by_satellite"], "returned": step["reward"],
         "terminated": step["terminated"], "truncated": step["truncated"],
-        "requires_retasking": step["requires_retasking"],
+        "required_retasking_before": step["required_retasking_before"],
+        "requires_retasking": step["requires_retasking"], "info": step["info"], "d_ts": step["d_ts"],
         "imaged": step["imaged_count"], "missed": step["missed_count"], "newly_imaged": step["newly_imaged"],
         "known_imaged": step["known_imaged_after_comm"], "pairs": step["communication_pairs"],
         "states": states,

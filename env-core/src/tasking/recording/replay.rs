@@ -2,11 +2,14 @@
 
 use serde_json::Value;
 
-use super::compare::{QUANTITIES, StepComparison, compare_initial, compare_opportunities, tolerances};
+use super::compare::{BeforeStep, StepComparison, compare_initial};
 use super::read::{ReadResult, list_of, member, number_of, satellite_names, text_of};
 use super::reference::{is_older_recording, to_current_format};
 use super::setup::read_setup;
+use super::tolerances::{self, QUANTITIES, TIME_S};
+use super::totals::{Totals, compare_sampled_light, compare_sky, compare_stations};
 use super::trace::compare_trace;
+use super::windows::{compare_opportunities, take_chosen};
 use crate::difference_tally::DifferenceTally;
 use crate::tasking::orbit::GravityModel;
 use crate::tasking::simulation::{AgentAction, TaskingSim};
@@ -54,39 +57,47 @@ pub fn compare_with_gravity(
 fn replay_steps(recording: &Value, sim: &mut TaskingSim, tally: &mut DifferenceTally) -> ReadResult<()> {
     let names = satellite_names(recording)?;
     let steps = list_of(recording, "steps")?;
-    if !steps.is_empty() {
-        compare_initial(member(recording, "initial")?, &names, sim, tally)?;
-    }
     let env = member(recording, "env")?;
     let observes_idle_only = env["generate_obs_retasking_only"].as_bool().unwrap_or(false);
     let tick_s = number_of(env, "sim_rate")?;
     let pays_resources =
         list_of(env, "rewarders")?.iter().any(|rewarder| rewarder["type"] == "ResourceReward");
     let reward_tolerance = if pays_resources { tolerances::RESOURCE_REWARD } else { tolerances::REWARD };
+    compare_sky(&recording["initial"], sim, tally)?;
+    compare_stations(&recording["station_positions"], sim, tally)?;
+    compare_initial(recording, &names, sim, tick_s, tally)?;
+    sim.keep_journal();
+    let mut totals = Totals::default();
     for (index, step) in steps.iter().enumerate() {
         tally.step = index + 1;
         let actions = read_actions(member(step, "actions")?, &names, sim)?;
+        let before = BeforeStep::of(sim);
         let result = sim
             .step(&actions, InstructionSet::detect())
             .map_err(|error| format!("step {}: {error}", index + 1))?;
         tally.steps += 1;
+        totals.add(&result);
         let end = number_of(step, "t_end")?;
-        tally.compare_numbers("step_end", sim.time_s(), end, 1e-6, format_args!("end of the step"));
-        if (sim.time_s() - end).abs() > 1e-6 {
+        tally.compare_numbers("step_end", sim.time_s(), end, TIME_S, format_args!("end of the step"));
+        if (sim.time_s() - end).abs() > TIME_S {
             tally.add_mismatch(format!("step {} ends at another time: no later step is compared", index + 1));
             return Ok(());
         }
         let comparison = StepComparison {
             step,
             names: &names,
+            before: &before,
             result: &result,
+            chosen: &take_chosen(sim),
             observes_idle_only,
             reward_tolerance,
             tick_s,
         };
         comparison.run(sim, tally)?;
     }
-    compare_opportunities(recording, &names, sim, tally)
+    totals.compare(&recording["final"], &names, sim, reward_tolerance, tally)?;
+    compare_opportunities(recording, &names, sim, tally)?;
+    compare_sampled_light(&recording["eclipse_sampled"], &names[0], sim, tally)
 }
 
 /// Actions of all satellites in a step.

@@ -2,44 +2,15 @@
 
 use serde_json::Value;
 
-use super::compare::sigma_difference;
-use super::read::{ReadResult, list_of, number, number_of, numbers, satellite_names, vector};
+use super::compare::compare_imaged;
+use super::read::{ReadResult, list_of, number, number_of, numbers, satellite_names, vector, whole};
+use super::state::sigma_difference;
+use super::tolerances::{ILLUMINATION, REWARD, TIME_S, trace};
+use super::trace_sample::TraceSample;
 use crate::difference_tally::DifferenceTally;
 use crate::tasking::constants::THRUSTERS;
-use crate::tasking::simulation::{AgentAction, TaskingSim};
-use crate::tasking::vector3::{Vector3, norm, sub};
-
-/// Largest allowed differences of each tick.
-pub mod tolerances {
-    /// MRP of the attitude.
-    pub const SIGMA: f64 = 1e-7;
-    /// Angular velocity of the body, rad/s.
-    pub const OMEGA_RAD_S: f64 = 1e-8;
-    /// Speeds of the wheels, rad/s.
-    pub const WHEELS_RAD_S: f64 = 1e-4;
-    /// Net power of the battery, W.
-    pub const NET_POWER_W: f64 = 1e-3;
-    /// Charge of the battery, W·s.
-    pub const BATTERY_WS: f64 = 0.1;
-    /// Commanded motor torque, N·m.
-    pub const MOTOR_TORQUE_N_M: f64 = 1e-5;
-    /// Position of the satellite, m.
-    pub const POSITION_M: f64 = 0.5;
-}
-
-/// State of a satellite after a tick of the replay.
-#[derive(Debug, Clone)]
-struct Sample {
-    sigma: Vector3<f64>,
-    omega: Vector3<f64>,
-    wheels: Vector3<f64>,
-    command: Vector3<f64>,
-    position: Vector3<f64>,
-    battery: f64,
-    net_power: f64,
-    stored: f64,
-    thruster_times: [f64; THRUSTERS],
-}
+use crate::tasking::simulation::{AgentAction, StepResult, TaskingSim};
+use crate::tasking::vector3::{Vector3, norm, scale, sub};
 
 /// An action of a trace.
 struct TracedStep {
@@ -58,8 +29,9 @@ pub(super) fn compare_trace(
     tally: &mut DifferenceTally,
 ) -> ReadResult<()> {
     let names = satellite_names(current)?;
-    let mut samples: Vec<Vec<Sample>> = vec![Vec::new(); names.len()];
-    for (index, step) in read_steps(recording, &names, sim)?.iter().enumerate() {
+    let mut samples: Vec<Vec<TraceSample>> = vec![Vec::new(); names.len()];
+    let recorded = list_of(recording, steps_field(recording))?;
+    for (index, step) in read_steps(recorded, &names, sim)?.iter().enumerate() {
         tally.step = index + 1;
         tally.steps += 1;
         for (index, close) in step.closes.iter().enumerate() {
@@ -69,11 +41,12 @@ pub(super) fn compare_trace(
         }
         let traced = sim.step_traced(&step.actions, &mut |sim| {
             for (index, samples) in samples.iter_mut().enumerate() {
-                samples.push(sample(sim, index));
+                samples.push(TraceSample::of(sim, index));
             }
         });
-        traced.map_err(|error| error.to_string())?;
-        tally.compare_numbers("step_end", sim.time_s(), step.end_s, 1e-6, format_args!("end of the step"));
+        let result = traced.map_err(|error| error.to_string())?;
+        tally.compare_numbers("step_end", sim.time_s(), step.end_s, TIME_S, format_args!("end of the step"));
+        compare_result(&recorded[index], &result, &names, sim, tally)?;
     }
     for (name, samples) in names.iter().zip(&samples) {
         let series =
@@ -83,26 +56,32 @@ pub(super) fn compare_trace(
     Ok(())
 }
 
-fn sample(sim: &TaskingSim, index: usize) -> Sample {
-    let satellite = sim.satellite(index);
-    let state = &satellite.state;
-    Sample {
-        sigma: state.attitude.sigma,
-        omega: state.attitude.omega,
-        wheels: state.attitude.wheels,
-        command: state.command,
-        position: state.position,
-        battery: state.battery,
-        net_power: state.net_power,
-        stored: state.stored,
-        thruster_times: satellite.commanded_thrust(sim.now()),
+/// Compares reward and images of an older trace's action.
+fn compare_result(
+    recorded: &Value,
+    result: &StepResult,
+    names: &[String],
+    sim: &TaskingSim,
+    tally: &mut DifferenceTally,
+) -> ReadResult<()> {
+    if let Some(theirs) = recorded.get("reward").filter(|reward| reward.is_number()) {
+        let ours: f64 = result.rewards.iter().sum();
+        tally.compare_numbers("reward", ours, number(theirs)?, REWARD, format_args!("reward of the step"));
     }
+    for (imaged, name) in result.imaged.iter().zip(names) {
+        compare_imaged(&recorded["imaged"][name], *imaged, name, sim, tally);
+    }
+    Ok(())
+}
+
+/// Name of the list of a trace's steps, which older traces call actions.
+fn steps_field(recording: &Value) -> &'static str {
+    if recording.get("steps").is_some() { "steps" } else { "actions" }
 }
 
 /// Steps of the trace: those of the current format, or the scripted actions of older ones.
-fn read_steps(recording: &Value, names: &[String], sim: &TaskingSim) -> ReadResult<Vec<TracedStep>> {
-    let field = if recording.get("steps").is_some() { "steps" } else { "actions" };
-    list_of(recording, field)?
+fn read_steps(recorded: &[Value], names: &[String], sim: &TaskingSim) -> ReadResult<Vec<TracedStep>> {
+    recorded
         .iter()
         .map(|step| {
             let actions = names
@@ -138,7 +117,7 @@ fn read_action(step: &Value, index: usize, name: &str, sim: &TaskingSim) -> Read
 fn compare_series(
     series: &Value,
     name: &str,
-    samples: &[Sample],
+    samples: &[TraceSample],
     tally: &mut DifferenceTally,
 ) -> ReadResult<()> {
     let times = list_of(series, "t")?;
@@ -158,6 +137,12 @@ fn compare_series(
         let commanded = if is_older { tick.checked_sub(2).and_then(|i| samples.get(i)) } else { Some(ours) };
         if let Some(commanded) = commanded {
             compare_commands(series, index, name, commanded, tally)?;
+            // A command to the flight software clears the guidance of the last tick.
+            let is_cleared = is_older && ours.commanded_at == Some(tick as u64 - 1);
+            let guidance = if is_cleared { Some([0.0; 3]) } else { commanded.guidance };
+            if let (Some(ours), Some(theirs)) = (guidance, series["guid_sigma_BR"].get(index)) {
+                compare_vectors("guidance", &ours, theirs, trace::GUIDANCE, name, tally)?;
+            }
         }
     }
     compare_pulses(series, name, samples, tally)
@@ -168,55 +153,81 @@ fn compare_sample(
     series: &Value,
     index: usize,
     name: &str,
-    ours: &Sample,
+    ours: &TraceSample,
     tally: &mut DifferenceTally,
 ) -> ReadResult<()> {
     let at = |field: &str| series.get(field).and_then(|values| values.get(index));
     if let Some(theirs) = at("sigma_BN") {
         let difference = sigma_difference(&ours.sigma, &vector(theirs)?);
-        tally.compare_numbers(
-            "attitude",
-            difference,
-            0.0,
-            tolerances::SIGMA,
-            format_args!("attitude of {name}"),
-        );
+        tally.compare_numbers("attitude", difference, 0.0, trace::SIGMA, format_args!("attitude of {name}"));
     }
     let vectors = [
-        ("rate", ours.omega, "omega_BN_B", tolerances::OMEGA_RAD_S),
-        ("wheel_speed", ours.wheels, "wheel_speeds_rad_s", tolerances::WHEELS_RAD_S),
+        ("rate", ours.omega, "omega_BN_B", trace::OMEGA_RAD_S),
+        ("wheel_speed", ours.wheels, "wheel_speeds_rad_s", trace::WHEELS_RAD_S),
     ];
     for (quantity, ours, field, allowed) in vectors {
-        let Some(theirs) = at(field) else { continue };
-        for (ours, theirs) in ours.iter().zip(vector(theirs)?) {
-            tally.compare_numbers(quantity, *ours, theirs, allowed, format_args!("{quantity} of {name}"));
+        if let Some(theirs) = at(field) {
+            compare_vectors(quantity, &ours, theirs, allowed, name, tally)?;
         }
     }
-    if let Some(theirs) = at("r_BN_N") {
-        let apart = norm(&sub(&ours.position, &vector(theirs)?));
-        tally.compare_numbers(
-            "position",
-            apart,
-            0.0,
-            tolerances::POSITION_M,
-            format_args!("position of {name}"),
-        );
+    let places = [
+        ("position", ours.position, "r_BN_N", trace::POSITION_M),
+        ("velocity", ours.velocity, "v_BN_N", trace::VELOCITY_M_S),
+    ];
+    for (quantity, ours, field, allowed) in places {
+        let Some(theirs) = at(field) else { continue };
+        let apart = norm(&sub(&ours, &vector(theirs)?));
+        tally.compare_numbers(quantity, apart, 0.0, allowed, format_args!("{quantity} of {name}"));
     }
     let scalars = [
-        ("net_power", ours.net_power, "net_power_W", tolerances::NET_POWER_W),
-        ("battery", ours.battery, "battery_Ws", tolerances::BATTERY_WS),
+        ("net_power", ours.net_power, "net_power_W", trace::POWER_W),
+        ("panel_power", ours.panel_power, "panel_power_W", trace::POWER_W),
+        ("illumination", ours.illumination, "illumination", ILLUMINATION),
+        ("battery", ours.battery, "battery_Ws", trace::BATTERY_WS),
         ("storage", ours.stored, "storage_bits", 0.0),
     ];
     for (quantity, ours, field, allowed) in scalars {
-        if let Some(theirs) = at(field) {
-            tally.compare_numbers(
-                quantity,
-                ours,
-                number(theirs)?,
-                allowed,
-                format_args!("{quantity} of {name}"),
-            );
-        }
+        let Some(theirs) = at(field) else { continue };
+        tally.compare_numbers(quantity, ours, number(theirs)?, allowed, format_args!("{quantity} of {name}"));
+    }
+    compare_target(series, index, name, ours, tally)
+}
+
+fn compare_vectors(
+    quantity: &'static str,
+    ours: &Vector3<f64>,
+    theirs: &Value,
+    allowed: f64,
+    name: &str,
+    tally: &mut DifferenceTally,
+) -> ReadResult<()> {
+    for (ours, theirs) in ours.iter().zip(vector(theirs)?) {
+        tally.compare_numbers(quantity, *ours, theirs, allowed, format_args!("{quantity} of {name}"));
+    }
+    Ok(())
+}
+
+/// Compares the satellite as its target sees it.
+fn compare_target(
+    series: &Value,
+    index: usize,
+    name: &str,
+    ours: &TraceSample,
+    tally: &mut DifferenceTally,
+) -> ReadResult<()> {
+    let at = |field: &str| series.get(field).and_then(|values| values.get(index));
+    let Some(target) = ours.target else { return Ok(()) };
+    let scalars = [
+        ("elevation", target.elevation_rad, "target_elevation", trace::ELEVATION_RAD),
+        ("range", target.range_m, "target_range", trace::POSITION_M),
+    ];
+    for (quantity, ours, field, allowed) in scalars {
+        let Some(theirs) = at(field) else { continue };
+        let what = format_args!("{quantity} of {name} from its target");
+        tally.compare_numbers(quantity, ours, number(theirs)?, allowed, what);
+    }
+    if let Some(theirs) = at("target_access").and_then(whole) {
+        tally.compare_outcomes(&target.has_access, &(theirs == 1), format_args!("target access of {name}"));
     }
     Ok(())
 }
@@ -226,14 +237,20 @@ fn compare_commands(
     series: &Value,
     index: usize,
     name: &str,
-    ours: &Sample,
+    ours: &TraceSample,
     tally: &mut DifferenceTally,
 ) -> ReadResult<()> {
-    let motor = series.get("motor_torque_Nm").or_else(|| series.get("motor_torque_command_Nm"));
-    if let Some(theirs) = motor.and_then(|values| values.get(index)) {
-        for (ours, theirs) in ours.command.iter().zip(vector(theirs)?) {
-            let what = format_args!("motor torque of {name}");
-            tally.compare_numbers("motor_torque", *ours, theirs, tolerances::MOTOR_TORQUE_N_M, what);
+    let at = |field: &str| series.get(field).and_then(|values| values.get(index));
+    // The wheels turn the body the other way.
+    let control = scale(&ours.command, -1.0);
+    let torques = [
+        (ours.command, "motor_torque_Nm"),
+        (ours.command, "motor_torque_command_Nm"),
+        (control, "cmd_torque_Nm"),
+    ];
+    for (ours, field) in torques {
+        if let Some(theirs) = at(field) {
+            compare_vectors("motor_torque", &ours, theirs, trace::MOTOR_TORQUE_N_M, name, tally)?;
         }
     }
     let is_dense = series["thruster_on_time_s"][index].as_array().is_some_and(|row| row.len() == THRUSTERS);
@@ -247,7 +264,7 @@ fn compare_commands(
 fn compare_pulses(
     series: &Value,
     name: &str,
-    samples: &[Sample],
+    samples: &[TraceSample],
     tally: &mut DifferenceTally,
 ) -> ReadResult<()> {
     let Some(pulses) = series["thruster_on_time_s"].as_array() else { return Ok(()) };
@@ -264,7 +281,13 @@ fn compare_pulses(
             return Ok(());
         };
         let what = format_args!("time of a pulse of {name}");
-        tally.compare_numbers("thruster_time", (index + 1) as f64, number(&pulse[0])?, 1e-6, what);
+        tally.compare_numbers(
+            "thruster_time",
+            (index + 1) as f64,
+            number(&pulse[0])?,
+            trace::THRUSTERS_S,
+            what,
+        );
         compare_thrusters(&ours.thruster_times, &pulse[1], name, tally)?;
     }
     if theirs.next().is_some() {
@@ -280,7 +303,8 @@ fn compare_thrusters(
     tally: &mut DifferenceTally,
 ) -> ReadResult<()> {
     for (ours, theirs) in ours.iter().zip(numbers(theirs)?) {
-        tally.compare_numbers("thruster_time", *ours, theirs, 1e-6, format_args!("thrusters of {name}"));
+        let what = format_args!("thrusters of {name}");
+        tally.compare_numbers("thruster_time", *ours, theirs, trace::THRUSTERS_S, what);
     }
     Ok(())
 }

@@ -33,6 +33,14 @@ pub struct SatelliteSpec {
     pub args: SatelliteArgs,
 }
 
+impl SatelliteSpec {
+    /// True if the instrument records in every tick: no flight software commands it, and Basilisk's instruments are on then.
+    #[must_use]
+    pub const fn records_always(&self) -> bool {
+        self.dynamics.instrument && !self.software.imaging
+    }
+}
+
 /// Settings that the satellites of an episode share.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Environment {
@@ -98,7 +106,7 @@ impl TaskedSatellite {
             battery: args.stored_charge_ws.min(args.battery_capacity_ws),
             net_power: 0.0,
             stored,
-            is_commanded: 0.0,
+            is_commanded: f64::from(u8::from(spec.records_always())),
             is_imaged: 0.0,
         };
         let orbit = Orbit::new(environment.gravity, position, velocity, sky, environment.tick.seconds());
@@ -108,7 +116,7 @@ impl TaskedSatellite {
             orbit,
             track: GroundTrack::default(),
             stations,
-            software: Software::at_start(spec.dynamics),
+            software: Software::at_start(spec.dynamics, spec.software),
             desaturation: Desaturation::default(),
             transmitter: Transmitter::default(),
             initial_stored,
@@ -154,7 +162,7 @@ impl TaskedSatellite {
         self.desaturation.stop();
         self.software = Software {
             is_controlled: true,
-            is_listening: !self.spec.dynamics.continuous,
+            is_listening: !self.spec.software.continuous,
             ..Software::default()
         };
         self.state.is_first = 1.0;
@@ -184,6 +192,12 @@ impl TaskedSatellite {
                 self.state.is_imaged = 0.0;
             }
         }
+    }
+
+    /// The tick after which the flight software received its last command.
+    #[must_use]
+    pub const fn commanded_at(&self) -> Option<u64> {
+        self.commanded_at
     }
 
     /// Tasks of the flight software that run, and devices that are on.

@@ -1,6 +1,6 @@
 //! Flight software of a satellite: the tasks that an action enables.
 
-use crate::tasking::setup::DynamicsModel;
+use crate::tasking::setup::{DynamicsModel, SoftwareModel};
 use crate::tasking::vector3::Vector3;
 
 /// A command to the flight software: the functions of BSK-RL's flight software models that actions call.
@@ -56,9 +56,9 @@ impl Software {
     /// State before the first command: nothing is controlled, but all sinks draw power and the transmitter sends, which are
     /// Basilisk's defaults.
     #[must_use]
-    pub fn at_start(dynamics: DynamicsModel) -> Self {
+    pub fn at_start(dynamics: DynamicsModel, software: SoftwareModel) -> Self {
         Self {
-            is_listening: !dynamics.continuous,
+            is_listening: !software.continuous,
             instrument_on: dynamics.instrument,
             transmitter_on: dynamics.instrument,
             thrusters_on: true,

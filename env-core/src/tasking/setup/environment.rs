@@ -330,9 +330,9 @@ impl AgentSetup {
         if software.imaging && !dynamics.instrument {
             return Err(format!("satellite {name}: an imaging flight software needs an ImagingDynModel"));
         }
-        if software.continuous != dynamics.continuous {
+        if software.continuous && !dynamics.continuous {
             return Err(format!(
-                "satellite {name}: ContinuousImagingFSWModel and ContinuousImagingDynModel belong together"
+                "satellite {name}: a ContinuousImagingFSWModel needs a ContinuousImagingDynModel"
             ));
         }
         if let Some(times) = self.class.generation() {
@@ -351,11 +351,12 @@ impl AgentSetup {
                 }
                 ActionSpec::Image { .. }
                     if !software.imaging
-                        || software.continuous
+                        || dynamics.continuous
                         || !matches!(self.class, SatelliteClass::Imaging(_)) =>
                 {
                     return Err(format!(
-                        "satellite {name}: Image needs an ImagingSatellite with an ImagingFSWModel"
+                        "satellite {name}: Image needs an ImagingSatellite with an ImagingFSWModel, and an ImagingDynModel that is not \
+                         continuous"
                     ));
                 }
                 _ => {}

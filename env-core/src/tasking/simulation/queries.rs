@@ -2,10 +2,13 @@
 
 use super::TaskingSim;
 use super::access_filter::AccessFilter;
+use super::target_set::TargetSet;
+use crate::tasking::access::trajectory::SAMPLE_S;
 use crate::tasking::access::{GroundTrack, Opportunity, OpportunityKind};
 use crate::tasking::error::TaskingError;
-use crate::tasking::observation::eclipse::NO_ECLIPSE;
+use crate::tasking::observation::eclipse::{NO_ECLIPSE, sampled_illumination};
 use crate::tasking::observation::opportunity::angle_to;
+use crate::tasking::observation::spec::ObservationSpec;
 use crate::tasking::observation::view::Moment;
 use crate::tasking::orbit::Sky;
 use crate::tasking::satellite::eclipse::illumination;
@@ -71,6 +74,25 @@ impl TaskingSim {
         let agent = &mut self.agents[index];
         let times = agent.eclipses.next(now_s, agent.satellite.orbit_mut(), &mut self.sky);
         (times != NO_ECLIPSE).then_some(times)
+    }
+
+    /// Share of the Sun that a satellite sees at a sample, every 30 s, of the trajectory that is searched for eclipses, 0 to 1.
+    pub(crate) fn sampled_illumination(&mut self, index: usize, sample: usize) -> f64 {
+        let orbit = self.agents[index].satellite.orbit_mut();
+        orbit.extend_to(sample as f64 * SAMPLE_S, &mut self.sky);
+        sampled_illumination(sample, orbit, &self.sky)
+    }
+
+    /// Description of a satellite's observation.
+    #[must_use]
+    pub fn observation_spec(&self, index: usize) -> &ObservationSpec {
+        &self.agents[index].setup.observation
+    }
+
+    /// Targets whose image was rewarded.
+    #[must_use]
+    pub const fn rewarded_images(&self) -> &TargetSet {
+        &self.rewarded
     }
 
     /// The next `count` opportunities of a kind, as BSK-RL finds them: without targets that are known to be imaged and those that the

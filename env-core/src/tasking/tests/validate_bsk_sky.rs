@@ -12,6 +12,9 @@ fn vector(value: &Value) -> Vector3<f64> {
     [0, 1, 2].map(|i| value[i].as_f64().unwrap())
 }
 
+/// Recorded moments: the starts of ten recordings and the ends of eight episodes.
+const MOMENTS: usize = 18;
+
 /// Recorded moments: barycentric dynamical time of the start, seconds since then, and the object with their values.
 fn moments() -> Vec<(f64, f64, Value)> {
     let mut moments = Vec::new();
@@ -23,19 +26,23 @@ fn moments() -> Vec<(f64, f64, Value)> {
             moments.push((epoch.tdb_s(), end, recording["final"].clone()));
         }
     }
+    assert_eq!(moments.len(), MOMENTS);
     moments
 }
 
 #[test]
 fn validate_bsk_earth() {
+    let mut elements = 0;
     for (start, seconds, recorded) in moments() {
         let ours = EarthFrame::at(start + seconds).planet_from_inertial();
         for (row, theirs) in ours.iter().zip(recorded["PN_dcm"].as_array().unwrap()) {
             for (ours, theirs) in row.iter().zip(vector(theirs)) {
                 assert!((ours - theirs).abs() < 1e-11, "{ours} {theirs}");
+                elements += 1;
             }
         }
     }
+    assert_eq!(elements, 9 * MOMENTS);
 }
 
 #[test]

@@ -11,6 +11,7 @@ from ...messaging import DataStorageStatusMsgPayload, Message
 from ...utils.elements import REQ_EARTH
 from ...utils.functional import aliveness_checker, default_args
 from .. import world
+from ..model_names import software_names
 from ..parameters import FixedAttribute, Parameters
 from .basic import BasicDynamicsModel
 
@@ -22,6 +23,8 @@ class ImagingDynModel(BasicDynamicsModel):
     """Satellite with an instrument for targets, storage and a transmitter."""
 
     storageUnitValidCheck = FixedAttribute()
+    #: Partition of an instrument that no flight software commands.
+    _own_partition: str | None = None
 
     @property
     def storage_level(self) -> float:
@@ -103,6 +106,10 @@ class ImagingDynModel(BasicDynamicsModel):
         if storageInit != 0:
             self._warn_of_storage(dataStorageCapacity, storageInit)
             self._partitions.append(_INITIAL_DATA)
+        if not any("Imaging" in name for name in software_names(self.satellite.fsw_type)):
+            # An instrument without commands records into a partition of its own.
+            self._own_partition = f"Instrument{self.satellite.name}"
+            self._partitions.append(self._own_partition)
 
     def _add_storage(self, capacity: float, is_checked: bool, partitions: list[str]) -> None:
         """Adds the storage unit of a capacity in bits, with named partitions."""
@@ -125,11 +132,13 @@ class ImagingDynModel(BasicDynamicsModel):
         )
 
     def _stored_data(self) -> list[float]:
-        """Bits by partition: images are in the first, the initial data in the last one."""
+        """Bits by partition: images are in the first or in one of their own, the initial data in the last one but that."""
         satellite = self.satellite
         images, others = satellite.simulator.native.stored(satellite.index)
         if len(self._partitions) == 1:
             return [images + others]
+        if self._own_partition is not None:
+            return [*[0.0] * (len(self._partitions) - 2), others, images]
         return [images, *[0.0] * (len(self._partitions) - 2), others]
 
     @aliveness_checker
