@@ -11,7 +11,7 @@ mod policy_files;
 mod requests;
 mod stored;
 mod strict_input;
-mod tasking;
+pub mod tasking;
 mod worlds;
 
 use std::sync::LazyLock;

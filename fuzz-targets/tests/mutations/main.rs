@@ -1,6 +1,7 @@
 //! Every target on 100 000 mutated inputs. `SPARRING_FUZZ_INPUTS` sets another number, `SPARRING_FUZZ_SEED` draws other inputs.
 
 mod driver;
+mod tasking;
 
 use std::path::Path;
 

@@ -5,9 +5,10 @@ use crate::tasking::clock::TickLength;
 use crate::tasking::constants::WHEEL_INERTIA_KG_M2;
 use crate::tasking::orbit::OrbitalElements;
 use crate::tasking::satellite::TaskedSatellite;
+use crate::tasking::setup::Setup;
 use crate::tasking::setup::environment::Rewarder;
 use crate::tasking::setup::{ArgValue, DynamicsModel, SatelliteArgs, SoftwareModel};
-use crate::tasking::simulation::{AgentAction, TaskingSim};
+use crate::tasking::simulation::{AgentAction, StepResult, TaskingSim};
 use crate::tasking::tick::attitude::body_from_inertial;
 use crate::tasking::tick::dispatch::InstructionSet;
 use crate::tasking::vector3::{Vector3, norm, rotate_back, sub};
@@ -44,12 +45,14 @@ fn random_episodes_stay_within_bounds() {
         let mut sim = TaskingSim::new(setup.clone()).unwrap();
         for _ in 0..40 {
             let actions = random_actions(&sim, &mut draws);
+            let before = resource_values(&setup, &mut sim);
             // A scan without a pass left has no opportunity to observe; steps do not depend on it.
             let result = sim.step(&actions, InstructionSet::detect()).unwrap();
             assert!(result.elapsed_s >= 0.0 && result.elapsed_s.is_finite());
+            let after = resource_values(&setup, &mut sim);
             for index in 0..sim.len() {
                 assert_bounds(sim.satellite(index));
-                assert_reward(&setup.rewarders, result.rewards[index], result.elapsed_s);
+                assert_reward(&setup, &result, index, [&before[index], &after[index]]);
             }
             if result.truncated {
                 break;
@@ -70,13 +73,38 @@ fn assert_bounds(satellite: &TaskedSatellite) {
     assert!(state.motor.iter().all(|torque| torque.abs() <= args.u_max_n_m), "{:?}", state.motor);
 }
 
-fn assert_reward(rewarders: &[Rewarder], reward: f64, elapsed_s: f64) {
-    let images = rewarders.contains(&Rewarder::UniqueImages);
-    let resources = rewarders.iter().any(|rewarder| matches!(rewarder, Rewarder::Resource { .. }));
-    if !resources {
-        let most = if images { 1.0 } else { elapsed_s };
-        assert!((0.0..=most).contains(&reward), "{reward}");
+/// Values of the rewarded properties of each satellite.
+fn resource_values(setup: &Setup, sim: &mut TaskingSim) -> Vec<Vec<f64>> {
+    let properties = setup.rewarders.iter().filter_map(|rewarder| match rewarder {
+        Rewarder::Resource { property, .. } => Some(*property),
+        _ => None,
+    });
+    let properties: Vec<_> = properties.collect();
+    let mut values = vec![Vec::new(); sim.len()];
+    for (index, values) in values.iter_mut().enumerate() {
+        let moment = sim.moment(index);
+        properties.iter().for_each(|property| property.write(&sim.view(index, &moment), values));
     }
+    values
+}
+
+/// A reward is the changes of resources by their weights, and between nothing and all of what data can pay.
+fn assert_reward(setup: &Setup, result: &StepResult, index: usize, [before, after]: [&Vec<f64>; 2]) {
+    let mut changes = after.iter().zip(before).map(|(after, before)| after - before);
+    let (mut resources, mut most) = (0.0, 0.0);
+    for rewarder in &setup.rewarders {
+        match rewarder {
+            Rewarder::None => {}
+            Rewarder::Resource { weight, .. } => resources += weight * changes.next().unwrap(),
+            Rewarder::UniqueImages => most += 1.0,
+            Rewarder::ScanningTime { value_per_second } => {
+                // An image of a tick, of half a second at least, has the data of a second.
+                most += 2.0 * value_per_second * result.elapsed_s;
+            }
+        }
+    }
+    let paid = result.rewards[index] - resources;
+    assert!((-1e-9..=most + 1e-9).contains(&paid), "{paid} beside {resources}, at most {most}");
 }
 
 #[test]

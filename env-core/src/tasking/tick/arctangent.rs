@@ -75,7 +75,7 @@ mod tests {
     #[test]
     fn arctangent_has_the_bits_of_libm() {
         let mut bits = 0x9E37_79B9_7F4A_7C15_u64;
-        for i in 0..1_000_000 {
+        for i in 0..10_000_000 {
             bits = bits.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             let share = (bits >> 11) as f64 / (1_u64 << 53) as f64;
             // Magnitudes from 1e-12 to 1e12, and all of the intervals about one.
