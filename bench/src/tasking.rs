@@ -1,9 +1,12 @@
 //! Speed of the tasking world: batches, single environments and resets, with random actions and all observations.
 
+mod windows;
+
 use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Context;
+use commands::machine;
 use env_core::episode_rng::{EpisodeRng, RngStream, SeededRng};
 use env_core::rollout::{ReplayItem, replay_all, roll_out};
 use env_core::tasking::environments::TaskingEnvironment;
@@ -20,16 +23,40 @@ const ENVS: usize = 64;
 const AUDITED: usize = 32;
 /// Duration of a measurement, s.
 const SECONDS: f64 = 3.0;
-/// Time of BSK-RL for a second of a scanning satellite, ns, measured for this project on another machine.
-const ORIGINAL_NS: f64 = 57_000.0;
+/// Multiples of BSK-RL's speed that a batch, a single environment and a reset must reach.
+const BATCH_GOAL: f64 = 1000.0;
+const SINGLE_GOAL: f64 = 250.0;
+const RESET_GOAL: f64 = 100.0;
+
+/// Speed of BSK-RL in one environment, measured for this project by `bsk_peers.py` in another run.
+struct OriginalSpeed {
+    /// Time of a second of a satellite, ns.
+    satellite_second_ns: f64,
+    /// Duration of a reset, s.
+    reset_s: f64,
+}
+
+impl OriginalSpeed {
+    const fn of(environment: TaskingEnvironment) -> Self {
+        let (satellite_second_ns, reset_s) = match environment {
+            TaskingEnvironment::Scanning(_) => (57_000.0, 0.0626),
+            TaskingEnvironment::Imaging(_) => (254_000.0, 0.280),
+            TaskingEnvironment::Constellation(_) => (175_000.0, 0.565),
+        };
+        Self { satellite_second_ns, reset_s }
+    }
+}
 
 /// Measures the environments of the world.
 pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
-    let mut rows = Vec::new();
+    let mut rows = vec![machine_row()];
     for environment in TaskingEnvironment::defaults() {
-        rows.push(Stepper::new(environment, ENVS)?.row(1000.0)?);
-        rows.push(Stepper::new(environment, 1)?.row(250.0)?);
+        rows.push(Stepper::new(environment, ENVS)?.row(BATCH_GOAL)?);
+        rows.push(Stepper::new(environment, 1)?.row(SINGLE_GOAL)?);
         rows.push(reset_row(environment)?);
+        if matches!(environment, TaskingEnvironment::Imaging(_)) {
+            rows.push(windows::row(environment)?);
+        }
     }
     for task in env_core::tasks().filter(|task| task.world() == env_core::tasking::WORLD_ID) {
         rows.push(audit_row(task)?);
@@ -44,6 +71,8 @@ pub(crate) fn measure_turn(id: &str, envs: usize, seconds: f64) -> anyhow::Resul
     let mut stepper = Stepper::new(environment, envs.max(1))?;
     let taken = stepper.run_for(seconds)?;
     Ok(json!({
+        "cpu": machine::cpu_model(),
+        "instruction_set": machine::instruction_set(),
         "satellite_seconds_per_s": stepper.satellite_seconds / taken,
         "steps_per_s": stepper.steps as f64 / taken,
         "resets_per_s": stepper.resets as f64 / taken,
@@ -154,8 +183,7 @@ impl Stepper {
     fn row(mut self, goal: f64) -> anyhow::Result<Row> {
         let seconds = self.run_for(SECONDS)?;
         let ns = seconds * 1e9 / self.satellite_seconds;
-        // BSK-RL's time is known for this environment only.
-        let is_scanning = matches!(self.environment, TaskingEnvironment::Scanning(_));
+        let original = OriginalSpeed::of(self.environment).satellite_second_ns;
         let share = self.part_seconds.map(|part| 100.0 * part / seconds);
         Ok(Row {
             label: format!("{} × {}", self.environment.id(), self.sims.len()),
@@ -167,19 +195,30 @@ impl Stepper {
                 share[2],
                 share[3],
             ),
-            goal: if is_scanning { format!("{goal} times BSK-RL") } else { String::new() },
-            ratio: is_scanning.then_some(ORIGINAL_NS / ns / goal),
+            goal: format!("{goal} times BSK-RL, {original:.0} ns"),
+            ratio: Some(original / ns / goal),
         })
+    }
+}
+
+/// Names processor and instruction set.
+fn machine_row() -> Row {
+    Row {
+        label: "machine".to_owned(),
+        measured: format!("{}, {}", machine::cpu_model(), machine::instruction_set()),
+        goal: String::new(),
+        ratio: None,
     }
 }
 
 /// Measures resets without any steps.
 fn reset_row(environment: TaskingEnvironment) -> anyhow::Result<Row> {
+    let (seconds, original) = (seconds_per_reset(environment, 1.0)?, OriginalSpeed::of(environment).reset_s);
     Ok(Row {
         label: format!("{} reset", environment.id()),
-        measured: format!("{:.0} µs", seconds_per_reset(environment, 1.0)? * 1e6),
-        goal: String::new(),
-        ratio: None,
+        measured: format!("{:.0} µs", seconds * 1e6),
+        goal: format!("{RESET_GOAL} times BSK-RL, {:.0} ms", original * 1e3),
+        ratio: Some(original / seconds / RESET_GOAL),
     })
 }
 

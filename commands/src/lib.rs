@@ -18,6 +18,7 @@ pub mod fuzzing;
 pub mod interrupt;
 pub mod llm_args;
 pub mod logs;
+pub mod machine;
 pub mod mcp;
 pub mod names;
 pub mod options;

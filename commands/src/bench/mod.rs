@@ -14,6 +14,7 @@ use env_core::{Recipe, World};
 use serde::Serialize;
 
 use self::stepped_batch::SteppedBatch;
+use super::machine;
 use super::options::{self, ChosenOption};
 use super::output::{self, Column, Report, TextTable};
 use evaluation::bootstrap::quantile;
@@ -65,8 +66,8 @@ fn after_help() -> String {
 
 const AFTER_HELP: &str = "\
 JSON (--json): one object {env, task, envs, tracks, debris, physics, seconds, slices, single_thread_env_steps_per_s, low, high, us_per_step, \
-resets_per_s, python_env_us_per_step, times_python_env}; low and high are the 5th and 95th percentile of the slices. \
-debris is null in worlds without debris. python_env_us_per_step, the time of a step of the public original in Python, is a \
+resets_per_s, cpu, instruction_set, python_env_us_per_step, times_python_env}; low and high are the 5th and 95th percentile of the slices. \
+debris is null in worlds without debris. cpu is the model of the processor. python_env_us_per_step, the time of a step of the public original in Python, is a \
 constant (kessler: 125 µs) that was measured on another machine; it is null if it was not measured. The scripts in bench/ \
 measure both on this machine.
 
@@ -96,6 +97,10 @@ pub struct Measurement {
     pub high: f64,
     us_per_step: f64,
     resets_per_s: f64,
+    /// Model of the processor.
+    cpu: String,
+    /// Widest instruction set of the processor that the simulations use.
+    instruction_set: &'static str,
     /// Time of a step of the public original in Python, in microseconds; `None` if it was not measured.
     pub python_env_us_per_step: Option<f64>,
     /// Speed relative to the public original in Python.
@@ -190,6 +195,8 @@ pub fn measure(
         high: at(&rates, 0.95),
         us_per_step: 1e6 / median,
         resets_per_s: at(&resets, 0.5),
+        cpu: machine::cpu_model(),
+        instruction_set: machine::instruction_set(),
         python_env_us_per_step: spec.original_us_per_step,
         times_python_env: spec.original_us_per_step.map(|us| us * median / 1e6),
         description: format!("{}{settings}", spec.task.id()),
@@ -204,6 +211,7 @@ impl Measurement {
             "{}, one thread, observations and resets included ({} slices in {} s):",
             self.description, self.slices, self.seconds
         ));
+        report.line(format!("Processor: {}, {}.", self.cpu, self.instruction_set));
         let titles = ["steps/s", "5 % quantile", "95 % quantile", "µs per step", "resets/s"];
         let mut table = TextTable::new(titles.map(Column::number));
         table.add_row([
@@ -276,7 +284,10 @@ mod tests {
         let told = serde_json::to_value(&found).unwrap();
         assert!(told["single_thread_env_steps_per_s"].is_f64() && told["debris"] == 50, "{told}");
         assert!(told["python_env_us_per_step"] == 125.0 && told["times_python_env"].is_f64(), "{told}");
-        assert_eq!(told.as_object().unwrap().len(), 15);
+        assert_eq!(told.as_object().unwrap().len(), 17);
+        let text = found.text_report().render(output::OutputTarget::Piped);
+        let machine = format!("Processor: {}, {}.", machine::cpu_model(), machine::instruction_set());
+        assert!(text.contains(&machine), "{text}");
     }
 
     #[test]
