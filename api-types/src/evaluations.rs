@@ -94,7 +94,7 @@ pub struct EvaluationScenario {
     /// Part of the suite: `contested` or `as_they_come`.
     pub part: SuiteSection,
     /// Score without acting on observations: mean score of the blind panel in `kessler/survival` and `kessler/eco_station`,
-    /// score of `hold` in other tasks.
+    /// best score of the blind panel in `tasking`, but at least 0, and score of `hold` in other tasks.
     pub floor: f64,
     /// Score of the reference planner.
     pub reference: f64,

@@ -213,7 +213,7 @@ pub struct ScenarioBracket {
     /// Version of the reference planner.
     pub planner_version: u32,
     /// Score without acting on observations: mean score of the blind panel in `kessler/survival` and `kessler/eco_station`,
-    /// score of `hold` in other tasks.
+    /// best score of the blind panel in `tasking`, but at least 0, and score of `hold` in other tasks.
     pub floor: f64,
     /// Score of the `hold` policy, which never acts.
     pub hold: f64,

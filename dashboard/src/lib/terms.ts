@@ -5,13 +5,13 @@ export const TERMS = {
   contested:
     "A scenario in which actions matter: the reference succeeds; in survival and eco_station its score is also at least 0.05 above the floor, and at most half of the blind plans succeed. Success on other scenarios says little about the agent.",
   "blind panel":
-    "Plans that use no observations: 16 plans of random burns in survival and eco_station, only holding in other tasks. Their success rate is the chance level on the same scenarios.",
+    "Plans that use no observations: 16 plans of random burns in survival and eco_station, eight fixed cycles of actions in the tasking tasks, only holding in other tasks. Their success rate is the chance level on the same scenarios.",
   skill:
     "Position of a score between floor and reference: 0 is the floor, 1 the reference or better, −1 as far below the floor. Undefined if the two differ by less than 0.05.",
   floor:
-    "Score without acting on observations: the mean score of the blind plans in survival and eco_station; in other tasks, the score of holding.",
+    "Score without acting on observations: the mean score of the blind plans in survival and eco_station; the best of them, at least 0, in the tasking tasks; in other tasks, the score of holding.",
   reference:
-    "Score of a planner with hindsight: it knows debris beyond the radar and rogues that appear later. Agents can exceed it.",
+    "Score of a planner with hindsight: it knows debris beyond the radar and rogues that appear later, or the whole orbit with its windows. Agents can exceed it.",
   regret:
     "Mean shortfall of agents on a layout: 1 − skill; on a decoy, the missing share of the reference's score.",
   "as aimed":

@@ -1209,7 +1209,7 @@ class ScenarioBracket(TypedDict):
     floor: float
     """
     Score without acting on observations: mean score of the blind panel in `kessler/survival` and `kessler/eco_station`,
-    score of `hold` in other tasks.
+    best score of the blind panel in `tasking`, but at least 0, and score of `hold` in other tasks.
     """
     hold: float
     """Score of the `hold` policy, which never acts."""
@@ -1930,7 +1930,7 @@ class EvaluationScenario(TypedDict):
     floor: float
     """
     Score without acting on observations: mean score of the blind panel in `kessler/survival` and `kessler/eco_station`,
-    score of `hold` in other tasks.
+    best score of the blind panel in `tasking`, but at least 0, and score of `hold` in other tasks.
     """
     fuel_used: NotRequired[float | None]
     """Mean fuel spent by all agents together."""
