@@ -4,16 +4,16 @@ use env_core::bracket::Bracket;
 use env_core::{KeyedRng, Scenario};
 use serde_json::Value;
 
-use crate::brief::DesignBrief;
+use crate::brief::{DesignBrief, ParamChoice};
 use crate::field_error::FieldError;
-use crate::refusal::Refusal;
+use crate::refusal::{Refusal, RefusalWords};
 
-/// Kind of a layout, as its encounters claim and the gate verifies.
+/// Kind of a layout, as its design claims and the gate verifies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LayoutKind {
-    /// Holding loses a satellite.
+    /// Holding fails.
     Threat,
-    /// Holding succeeds, and every burn is a waste.
+    /// Holding succeeds, and every action is a waste.
     Decoy,
 }
 
@@ -33,12 +33,27 @@ impl LayoutKind {
 /// A design is a JSON object with at least `name` and `aim.mode`; its other fields belong to the world. A design is built in
 /// a *base scenario*: task, params and seed without a layout, whose seed decides the bodies that the design leaves open.
 pub trait DesignLanguage: Sync {
+    /// Returns the texts of the world's prompts.
+    fn prompt_texts(&self) -> &'static PromptTexts;
+
+    /// Returns the words of the world in refusals.
+    fn refusal_words(&self) -> &'static RefusalWords;
+
+    /// Returns the params that a design may choose: those of the brief that have an effect on a layout.
+    fn param_choices<'a>(&self, brief: &'a DesignBrief) -> Vec<&'a ParamChoice> {
+        brief.param_choices.iter().collect()
+    }
+
     /// Returns the rules of the world and of the language, as text for a prompt.
     fn rules(&self, brief: &DesignBrief) -> String;
 
     /// Returns the JSON schema of one design, with its aim first. All numbers are integers, since grammars do not enforce the
     /// range of fractions.
     fn schema(&self, brief: &DesignBrief) -> Value;
+
+    /// Returns true if a value is a design of this language, valid or not. Text of a model has other values beside designs, and
+    /// the provenance of a layout may be anything.
+    fn is_design(&self, value: &Value) -> bool;
 
     /// Parses a design and returns its canonical form.
     ///
@@ -49,22 +64,29 @@ pub trait DesignLanguage: Sync {
     /// Builds a parsed design in a base scenario. Returns the scenario and the kind of the layout.
     ///
     /// # Errors
-    /// Returns [`Refusal::Schema`] if the design cannot be parsed, [`Refusal::Compiles`] if an encounter is impossible, and
-    /// [`Refusal::Aim`] if the encounters do not match the aim.
+    /// Returns [`Refusal::Schema`] if the design cannot be parsed, [`Refusal::Compiles`] if a body cannot be placed, and
+    /// [`Refusal::Aim`] if the design does not match its aim.
     fn build(&self, design: &Value, base: &Scenario) -> Result<(Scenario, LayoutKind), Refusal>;
 
-    /// Checks that debris that hits a holding satellite is visible early enough to be avoided, and that it hits no satellite
-    /// before an agent can act. The planner knows all bodies, so it also avoids what agents cannot see.
+    /// Returns true if a layout of threats threatens no agent that acts blindly. The layout is contested.
+    fn is_harmless(&self, scenario: &Scenario, bracket: &Bracket) -> bool;
+
+    /// Checks that an agent can still act once its observations show a threat. The planner knows everything from the start, so
+    /// that it also avoids what an agent cannot see in time.
     ///
     /// # Errors
-    /// Returns the satellite that is hit and the step.
-    fn check_visibility(&self, scenario: &Scenario) -> Result<(), FieldError>;
+    /// Returns the part of the layout that comes too early or unseen.
+    fn check_reaction(&self, scenario: &Scenario) -> Result<(), FieldError>;
 
-    /// Checks that holding succeeds in a layout of decoys, and that a naive agent wastes fuel in it.
+    /// Checks that holding succeeds in a layout of decoys, and that a naive agent wastes fuel in it. A world without decoys
+    /// refuses them all.
     ///
     /// # Errors
     /// Returns the condition that is not met.
-    fn check_decoy(&self, scenario: &Scenario, bracket: &Bracket) -> Result<(), FieldError>;
+    fn check_decoy(&self, scenario: &Scenario, bracket: &Bracket) -> Result<(), FieldError> {
+        let _ = (scenario, bracket);
+        Err(FieldError::new("aim.mode", "must be another one: the world has no decoys"))
+    }
 
     /// Returns the distance of two designs: 0 for equal ones, 1 for unrelated ones.
     fn distance(&self, a: &Value, b: &Value) -> f64;
@@ -76,6 +98,10 @@ pub trait DesignLanguage: Sync {
     fn edit(&self, design: &Value, brief: &DesignBrief, base: &Scenario, rng: &mut KeyedRng)
     -> Option<Value>;
 
+    /// Returns the place of a design's aim as part of a prompt, such as `from 90 degrees`; `None` if it has none. The design may
+    /// be invalid, and its text is untrusted.
+    fn aim_place(&self, design: &Value) -> Option<String>;
+
     /// Returns a design as a table; `None` if it cannot be parsed.
     fn table(&self, design: &Value) -> Option<DesignTable>;
 
@@ -83,14 +109,27 @@ pub trait DesignLanguage: Sync {
     fn draw(&self, layout: LayoutView<'_>) -> String;
 }
 
+/// Texts of the prompts of one world. A change of any of them needs a new version.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PromptTexts {
+    /// World and version, such as `kessler-2`, by which a layout is traceable to its prompt.
+    pub version: &'static str,
+    /// Template of the system message. `{{rules}}` stands for the rules of the language.
+    pub system: &'static str,
+    /// Advice for an agent whose failures are unknown.
+    pub unknown_failures: &'static str,
+    /// Titles of the columns of the failure profile after *share* and *mode*: sector, band of speed, steps left to act.
+    pub profile_columns: &'static str,
+}
+
 /// Design as a table for display.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DesignTable {
     /// Short description of the design's aim.
     pub aim: String,
-    /// Column titles of the encounters, with units. All columns but the last hold numbers.
+    /// Column titles of the parts of the design, with units. All columns but the last hold numbers.
     pub header: Vec<&'static str>,
-    /// Encounters, one row each, in order.
+    /// Parts of the design (encounters or deputies), one row each, in order.
     pub rows: Vec<Vec<String>>,
 }
 

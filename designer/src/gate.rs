@@ -10,7 +10,7 @@ use serde_json::Value;
 use crate::brief::DesignBrief;
 use crate::design_language::{DesignLanguage, LayoutKind};
 use crate::field_error::FieldError;
-use crate::refusal::{MIN_NOVELTY, Refusal};
+use crate::refusal::{MIN_NOVELTY, Refusal, RefusalWords};
 
 /// Layout that passed all checks. Only the gate can create one.
 #[derive(Debug, Clone, PartialEq)]
@@ -96,7 +96,8 @@ impl Gate {
                 }
             }
         }
-        Err(latest.unwrap_or(Refusal::Harmless)) // no base scenario, no threat
+        // No base scenario, no threat.
+        Err(latest.unwrap_or(Refusal::Harmless { words: self.language.refusal_words() }))
     }
 
     /// Judges a complete scenario. If the provenance of its layout is a design, the scenario must equal the one that is
@@ -106,7 +107,7 @@ impl Gate {
     /// Returns the first refusal.
     pub fn judge_scenario(&mut self, scenario: &Scenario) -> Result<AdmittedLayout, Refusal> {
         let provenance = scenario.recipe().layout().and_then(|layout| layout.provenance.clone());
-        let Some(design) = provenance.filter(|design| design.get("encounters").is_some()) else {
+        let Some(design) = provenance.filter(|design| self.language.is_design(design)) else {
             return self.judge_without_design(scenario);
         };
         // The brief of the design is not known here. It is not needed: `build` parses the design, and the params in it must
@@ -121,7 +122,7 @@ impl Gate {
     }
 
     fn judge_without_design(&mut self, scenario: &Scenario) -> Result<AdmittedLayout, Refusal> {
-        let bracket = self.check_visible_threat(scenario)?;
+        let bracket = self.judge_threat(scenario)?;
         if !self.admitted_without_design.insert(scenario.id()) {
             return Err(Refusal::Duplicate);
         }
@@ -132,9 +133,9 @@ impl Gate {
     fn judge_in(&self, design: &Value, base: &Scenario) -> Result<AdmittedLayout, Refusal> {
         let (scenario, kind) = self.language.build(design, base)?;
         let bracket = match kind {
-            LayoutKind::Threat => self.check_visible_threat(&scenario)?,
+            LayoutKind::Threat => self.judge_threat(&scenario)?,
             LayoutKind::Decoy => {
-                let bracket = solve(&scenario)?.bracket;
+                let bracket = solve(&scenario, self.language.refusal_words())?.bracket;
                 self.language.check_decoy(&scenario, &bracket).map_err(Refusal::Decoy)?;
                 bracket
             }
@@ -142,14 +143,15 @@ impl Gate {
         Ok(AdmittedLayout { scenario, bracket, kind, novelty: self.check_novelty(design)? })
     }
 
-    /// Checks a threat as [`check_threat`] does, and that it hits and can be seen in time.
-    fn check_visible_threat(&self, scenario: &Scenario) -> Result<Bracket, Refusal> {
-        let bracket = check_threat(scenario)?;
-        if bracket.panel.first().is_none_or(|hold| hold.lost == 0) {
-            return Err(Refusal::Harmless);
+    /// Checks a threat as [`check_threat`] does, and that acting blindly fails and that an agent can act in time.
+    fn judge_threat(&self, scenario: &Scenario) -> Result<Bracket, Refusal> {
+        let words = self.language.refusal_words();
+        let bracket = check_contested(scenario, words)?;
+        if self.language.is_harmless(scenario, &bracket) {
+            return Err(Refusal::Harmless { words });
         }
         // Last, since the planner explains a lack of fuel better.
-        self.language.check_visibility(scenario).map_err(Refusal::Unseen)?;
+        self.language.check_reaction(scenario).map_err(Refusal::TooLate)?;
         Ok(bracket)
     }
 
@@ -158,19 +160,23 @@ impl Gate {
         match distances.min_by(|a, b| a.0.total_cmp(&b.0)) {
             Some((distance, known)) if distance < MIN_NOVELTY => {
                 let like = known.get("name").and_then(Value::as_str).unwrap_or_default().to_owned();
-                Err(Refusal::Known { like, distance })
+                Err(Refusal::Known { like, distance, words: self.language.refusal_words() })
             }
             nearest => Ok(nearest.map(|(distance, _)| distance)),
         }
     }
 }
 
-/// Checks a scenario of any world as a threat: fair, solvable, contested. Returns its bracket.
+/// Checks a scenario of a world without a design language as a threat: fair, solvable, contested. Returns its bracket.
 ///
 /// # Errors
 /// Returns the first refusal, in that order.
 pub fn check_threat(scenario: &Scenario) -> Result<Bracket, Refusal> {
-    let SolvedScenario { bracket, is_contested } = solve(scenario)?;
+    check_contested(scenario, &RefusalWords::ANY_WORLD)
+}
+
+fn check_contested(scenario: &Scenario, words: &'static RefusalWords) -> Result<Bracket, Refusal> {
+    let SolvedScenario { bracket, is_contested } = solve(scenario, words)?;
     if is_contested {
         return Ok(bracket);
     }
@@ -179,6 +185,7 @@ pub fn check_threat(scenario: &Scenario) -> Result<Bracket, Refusal> {
         most: bracket.max_blind_successes(),
         panel: bracket.panel.len(),
         gap: bracket.reference.score - bracket.floor,
+        words,
     })
 }
 
@@ -188,15 +195,16 @@ struct SolvedScenario {
     is_contested: bool,
 }
 
-fn solve(scenario: &Scenario) -> Result<SolvedScenario, Refusal> {
+fn solve(scenario: &Scenario, words: &'static RefusalWords) -> Result<SolvedScenario, Refusal> {
     let admission = admit(scenario);
     let bracket = match (admission.fair, admission.bracket) {
         (Ok(()), Some(bracket)) => bracket,
         (Err(error), _) => return Err(Refusal::Unfair(error)),
-        (Ok(()), None) => return Err(Refusal::Unsolvable { reference: 0.0, lost: 0 }),
+        (Ok(()), None) => return Err(Refusal::Unsolvable { reference: 0.0, lost: 0, words }),
     };
     if !admission.solvable {
-        return Err(Refusal::Unsolvable { reference: bracket.reference.score, lost: bracket.reference.lost });
+        let (reference, lost) = (bracket.reference.score, bracket.reference.lost);
+        return Err(Refusal::Unsolvable { reference, lost, words });
     }
     Ok(SolvedScenario { bracket, is_contested: admission.contested })
 }

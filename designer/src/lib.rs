@@ -12,6 +12,7 @@
 //! Storing layouts and scheduling designers is the server's work. Start reading at `designer` and [`gate`].
 
 pub mod brief;
+mod design_fields;
 mod design_language;
 mod designer;
 mod docking;
@@ -22,20 +23,23 @@ pub mod gate;
 pub mod kessler;
 pub mod llm_designer;
 mod mutation;
+mod picture_parts;
 pub mod procedural;
 pub mod profile;
+mod profile_sampling;
 mod refusal;
 mod registry;
 pub mod replay;
+mod schema_forms;
 pub mod svg;
 mod untrusted_text;
 
 pub use self::brief::DesignBrief;
-pub use self::design_language::{DesignLanguage, DesignTable, LayoutKind, LayoutView};
+pub use self::design_language::{DesignLanguage, DesignTable, LayoutKind, LayoutView, PromptTexts};
 pub use self::designer::{DesignError, DesignFuture, DesignOutcome, DesignUsage, Designer, JudgedLayout};
 pub use self::field_error::FieldError;
 pub use self::gate::{AdmittedLayout, Gate};
 pub use self::mutation::Mutation;
 pub use self::profile::FailureProfile;
-pub use self::refusal::{GateCheck, MIN_NOVELTY, Refusal};
+pub use self::refusal::{GateCheck, MIN_NOVELTY, Refusal, RefusalWords};
 pub use self::registry::{design_language, draw_layout, mutate};

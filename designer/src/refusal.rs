@@ -7,24 +7,50 @@ use env_core::bracket::MIN_GAP;
 
 use crate::FieldError;
 
-/// Minimum distance of a design from every design in the archive. Differences of 15° in bearing, 4 steps and 1 LU/TU in all
-/// encounters are a distance of 0.05.
+/// Minimum distance of a design from every design in the archive. In kessler, differences of 15° in bearing, 4 steps and 1 LU/TU
+/// in all encounters are a distance of 0.05.
 pub const MIN_NOVELTY: f64 = 0.05;
+
+/// Words of one world in the refusals of its layouts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RefusalWords {
+    /// Agents of the world, in the plural.
+    pub agents: &'static str,
+    /// Problem of a layout that threatens no agent, and how to fix it.
+    pub harmless: &'static str,
+    /// How to fix a layout in which the planner fails.
+    pub solvable_fix: &'static str,
+    /// How to fix a layout in which acting well does not matter.
+    pub contested_fix: &'static str,
+    /// How to fix a design that is too similar to another one.
+    pub new_fix: &'static str,
+}
+
+impl RefusalWords {
+    /// Words for a world without a design language.
+    pub const ANY_WORLD: Self = Self {
+        agents: "agents",
+        harmless: "no agent is lost if no agent acts; choose a harder start",
+        solvable_fix: "choose an easier start",
+        contested_fix: "choose a harder start",
+        new_fix: "change the bodies",
+    };
+}
 
 /// Check of the gate. The order is the order in which the gate applies them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum GateCheck {
     /// Fields and numbers are within bounds.
     Schema,
-    /// Bodies can be placed as the encounters require.
+    /// Bodies can be placed as the design requires.
     Compiles,
-    /// Encounters match the aim.
+    /// The design matches its aim.
     Aim,
-    /// No contact happens before an agent can act or see it.
+    /// No agent is lost before it can act or see a threat.
     Fair,
     /// The reference planner succeeds.
     Solvable,
-    /// A threat is lost by holding and by most blind plans.
+    /// Holding and most blind plans fail in a threat.
     Contested,
     /// A decoy is safe to ignore and tempts a naive agent.
     Decoy,
@@ -80,11 +106,11 @@ impl GateCheck {
     pub const fn description(self) -> &'static str {
         match self {
             Self::Schema => "its fields and numbers are within bounds",
-            Self::Compiles => "bodies can be placed where its encounters say",
-            Self::Aim => "its encounters match its aim",
-            Self::Fair => "no contact happens before an agent can act",
-            Self::Solvable => "the reference planner succeeds within the fuel limit",
-            Self::Contested => "a threat: holding loses a satellite, and most blind plans fail",
+            Self::Compiles => "bodies can be placed as the design says",
+            Self::Aim => "the design matches its aim",
+            Self::Fair => "no agent is lost before it can act",
+            Self::Solvable => "the reference planner succeeds",
+            Self::Contested => "a threat: holding fails, and so do most blind plans",
             Self::Decoy => "a decoy: holding succeeds, and a naive agent wastes fuel",
             Self::New => "it differs from all known layouts",
         }
@@ -97,36 +123,40 @@ pub enum Refusal {
     /// A field is missing, unknown or out of bounds.
     #[error("{0}")]
     Schema(FieldError),
-    /// No body can be placed for an encounter.
+    /// A body cannot be placed.
     #[error("{0}")]
     Compiles(FieldError),
-    /// The encounters do not match the aim.
+    /// The design does not match its aim.
     #[error("{0}")]
     Aim(FieldError),
-    /// A satellite is lost before an agent can act.
+    /// An agent is lost before it can act.
     #[error("{0}")]
     Unfair(ScenarioError),
-    /// A satellite is hit by debris that agents see too late to avoid.
+    /// An agent sees a threat too late to act, see [`crate::DesignLanguage::check_reaction`].
     #[error("{0}")]
-    Unseen(FieldError),
+    TooLate(FieldError),
     /// The reference planner does not succeed.
     #[error(
-        "the planner cannot succeed: its best score is {reference:.3}, with {lost} satellites lost; choose fewer or later \
-         threats, or more fuel"
+        "the planner cannot succeed: its best score is {reference:.3}, with {lost} {} lost; {}", .words.agents, .words.solvable_fix
     )]
     Unsolvable {
         /// Best score of the planner.
         reference: f64,
         /// Number of agents that the planner loses.
         lost: u32,
+        /// Words of the world.
+        words: &'static RefusalWords,
     },
-    /// A layout of threats loses no satellite if all hold.
-    #[error("no satellite is lost if no satellite burns; add a threat that hits")]
-    Harmless,
+    /// A layout of threats threatens no agent, see [`crate::DesignLanguage::is_harmless`].
+    #[error("{}", .words.harmless)]
+    Harmless {
+        /// Words of the world.
+        words: &'static RefusalWords,
+    },
     /// Too many blind plans succeed, or the reference is too close to the floor.
     #[error(
         "acting well must matter: {blind} of {panel} blind plans succeed (at most {most} may), and the reference is \
-         {gap:.3} above the floor (at least {MIN_GAP} is required); choose more threats, to more satellites"
+         {gap:.3} above the floor (at least {MIN_GAP} is required); {}", .words.contested_fix
     )]
     Uncontested {
         /// Number of blind plans that succeed.
@@ -137,20 +167,24 @@ pub enum Refusal {
         panel: usize,
         /// Score of the reference minus the floor.
         gap: f64,
+        /// Words of the world.
+        words: &'static RefusalWords,
     },
     /// A decoy is not safe to ignore, or tempts no agent.
     #[error("{0}")]
     Decoy(FieldError),
     /// A similar design is in the archive.
     #[error(
-        "the design is too similar to {like:?}: its distance is {distance:.3}, at least {MIN_NOVELTY} is required; change \
-         bearings, steps or satellites"
+        "the design is too similar to {like:?}: its distance is {distance:.3}, at least {MIN_NOVELTY} is required; {}",
+        .words.new_fix
     )]
     Known {
         /// Name of the nearest design.
         like: String,
         /// Distance of the nearest design, see [`crate::DesignLanguage::distance`].
         distance: f64,
+        /// Words of the world.
+        words: &'static RefusalWords,
     },
     /// The same scenario was admitted before.
     #[error("the scenario was admitted before; change a body or the seed")]
@@ -165,9 +199,9 @@ impl Refusal {
             Self::Schema(_) => GateCheck::Schema,
             Self::Compiles(_) => GateCheck::Compiles,
             Self::Aim(_) => GateCheck::Aim,
-            Self::Unfair(_) | Self::Unseen(_) => GateCheck::Fair,
+            Self::Unfair(_) | Self::TooLate(_) => GateCheck::Fair,
             Self::Unsolvable { .. } => GateCheck::Solvable,
-            Self::Harmless | Self::Uncontested { .. } => GateCheck::Contested,
+            Self::Harmless { .. } | Self::Uncontested { .. } => GateCheck::Contested,
             Self::Decoy(_) => GateCheck::Decoy,
             Self::Known { .. } | Self::Duplicate => GateCheck::New,
         }

@@ -193,7 +193,13 @@ mod tests {
         brief.count = 9;
         let rest = replay.judge_layouts(&brief, &mut gate).unwrap();
         assert_eq!((rest.judged.len(), rest.admitted()), (1, 0));
-        let refusal = Refusal::Uncontested { blind: 16, most: 8, panel: 16, gap: 0.0 };
+        let refusal = Refusal::Uncontested {
+            blind: 16,
+            most: 8,
+            panel: 16,
+            gap: 0.0,
+            words: gate.language().refusal_words(),
+        };
         assert_eq!(rest.judged[0].verdict, Err(refusal));
         assert!(replay.judge_layouts(&brief, &mut gate).unwrap().judged.is_empty());
     }

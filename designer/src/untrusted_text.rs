@@ -2,6 +2,8 @@
 
 /// Length limit of [`shorten`], in characters.
 const MAX_CHARS: usize = 60;
+/// Length limit of an identifier such as a failure mode, in characters.
+const MAX_IDENTIFIER_CHARS: usize = 40;
 
 /// Returns true if a character moves the cursor or changes the direction of text.
 pub(crate) fn is_control(c: char) -> bool {
@@ -16,4 +18,9 @@ pub(crate) fn shorten(text: &str) -> String {
     } else {
         text.chars().take(MAX_CHARS - 3).chain("...".chars()).collect()
     }
+}
+
+/// Returns an identifier that came from a file: its letters, digits and `_`.
+pub(crate) fn identifier(text: &str) -> String {
+    text.chars().filter(|c| c.is_ascii_alphanumeric() || *c == '_').take(MAX_IDENTIFIER_CHARS).collect()
 }

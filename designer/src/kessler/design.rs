@@ -5,17 +5,15 @@
 use std::collections::BTreeMap;
 
 use env_core::kessler::bearing::BearingFrame;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use super::vocabulary::{
-    BEARING, EncounterKind, FRAMES, KINDS, KindSpec, MAX_ENCOUNTERS, MAX_NAME_CHARS, MISS, SATELLITE, SPEED,
-    STEP, frame_spec,
+    BEARING, EncounterKind, FRAMES, KINDS, KindSpec, MAX_ENCOUNTERS, MISS, SATELLITE, SPEED, STEP, frame_spec,
+};
+use crate::design_fields::{
+    parse_choice, parse_list, parse_mode, parse_name, parse_object, parse_params, reject_unknown,
 };
 use crate::field_error::FieldError;
-use crate::untrusted_text::{is_control, shorten};
-
-/// Maximum number of params that are parsed.
-const MAX_PARAMS: usize = 40;
 
 /// Encounter of a satellite with debris. Numbers are as in JSON; [`Bound::value`] converts them to quantities.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -162,9 +160,7 @@ impl Design {
         reject_unknown("design", fields, &["name", "aim", "frame", "params", "encounters"])?;
         let aim = parse_object("aim", fields.get("aim").unwrap_or(&Value::Null))?;
         reject_unknown("aim", aim, &["mode", "bearing_deg"])?;
-        let mode = aim.get("mode").and_then(Value::as_str).ok_or_else(|| {
-            FieldError::new("aim.mode", "is required: the failure mode that the layout aims at")
-        })?;
+        let mode = parse_mode(aim)?;
         let bearing_deg = match aim.get("bearing_deg") {
             None | Some(Value::Null) => None,
             Some(_) => Some(BEARING.parse("aim", aim)?),
@@ -173,65 +169,13 @@ impl Design {
             None => FRAMES[0].frame,
             name => FRAMES[parse_choice("frame", name, &FRAMES.map(|spec| spec.name))?].frame,
         };
+        let encounters = fields.get("encounters");
         Ok(Self {
-            name: fields.get("name").and_then(Value::as_str).map_or_else(String::new, clean_name),
-            aim: Aim { mode: clean_name(mode), bearing_deg },
+            name: parse_name(fields),
+            aim: Aim { mode, bearing_deg },
             frame,
             params: parse_params(fields.get("params"))?,
-            encounters: parse_encounters(fields.get("encounters"))?,
+            encounters: parse_list("encounters", "encounters", encounters, MAX_ENCOUNTERS, Encounter::parse)?,
         })
     }
-}
-
-fn parse_params(value: Option<&Value>) -> Result<BTreeMap<String, f64>, FieldError> {
-    let Some(value) = value.filter(|value| !value.is_null()) else { return Ok(BTreeMap::new()) };
-    let param = |(name, value): (&String, &Value)| {
-        let name = clean_name(name);
-        match value.as_f64().filter(|number| number.is_finite()) {
-            Some(number) => Ok((name, number)),
-            None => Err(FieldError::new(format!("params.{name}"), "must be a number")),
-        }
-    };
-    parse_object("params", value)?.iter().take(MAX_PARAMS).map(param).collect()
-}
-
-fn parse_encounters(value: Option<&Value>) -> Result<Vec<Encounter>, FieldError> {
-    let list = value
-        .and_then(Value::as_array)
-        .ok_or_else(|| FieldError::new("encounters", "must be a list of encounters"))?;
-    if list.is_empty() || list.len() > MAX_ENCOUNTERS {
-        return Err(FieldError::new(
-            "encounters",
-            format!("must have 1 to {MAX_ENCOUNTERS} entries, got {}", list.len()),
-        ));
-    }
-    list.iter().enumerate().map(|(i, value)| Encounter::parse(&format!("encounters.{i}"), value)).collect()
-}
-
-fn parse_object<'a>(field: &str, value: &'a Value) -> Result<&'a Map<String, Value>, FieldError> {
-    value.as_object().ok_or_else(|| FieldError::new(field, "must be an object"))
-}
-
-fn reject_unknown(path: &str, fields: &Map<String, Value>, known: &[&str]) -> Result<(), FieldError> {
-    match fields.keys().find(|key| !known.contains(&key.as_str())) {
-        None => Ok(()),
-        Some(key) => Err(FieldError::new(
-            format!("{path}.{}", shorten(key)),
-            format!("is not a known field; the known fields are {}", known.join(", ")),
-        )),
-    }
-}
-
-/// Parses one of some names and returns its index.
-fn parse_choice(field: &str, value: Option<&Value>, names: &[&str]) -> Result<usize, FieldError> {
-    value
-        .and_then(Value::as_str)
-        .and_then(|given| names.iter().position(|name| *name == given))
-        .ok_or_else(|| FieldError::new(field, format!("must be one of {}", names.join(", "))))
-}
-
-/// Returns untrusted text as a name: one line, at most [`MAX_NAME_CHARS`] characters.
-fn clean_name(text: &str) -> String {
-    let plain = text.chars().map(|c| if is_control(c) { ' ' } else { c });
-    plain.take(MAX_NAME_CHARS).collect::<String>().trim().to_owned()
 }

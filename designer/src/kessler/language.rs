@@ -1,30 +1,61 @@
 //! [`KesslerLanguage`]: the design language of kessler.
 
 use env_core::bracket::Bracket;
-use env_core::{KeyedRng, Scenario, format_shortest};
+use env_core::{KeyedRng, Scenario};
 use serde_json::Value;
 
 use super::aim::{allowed_aims, allows_rogues, check_aim, has_threat};
 use super::compile::compile;
 use super::design::Design;
+use super::vocabulary::FRAMES;
 use super::{checks, edit, novelty, picture, sample, schema, table};
 use crate::brief::DesignBrief;
-use crate::design_language::{DesignLanguage, DesignTable, LayoutKind, LayoutView};
+use crate::design_fields::{check_mode, check_params};
+use crate::design_language::{DesignLanguage, DesignTable, LayoutKind, LayoutView, PromptTexts};
 use crate::field_error::FieldError;
-use crate::refusal::Refusal;
-use crate::untrusted_text::shorten;
+use crate::refusal::{Refusal, RefusalWords};
+use crate::untrusted_text::identifier;
 
 /// Design language of kessler.
 #[derive(Debug, Clone, Copy)]
 pub struct KesslerLanguage;
 
+/// Texts of the prompts.
+const PROMPT: PromptTexts = PromptTexts {
+    version: "kessler-2",
+    system: include_str!("../../prompts/kessler-2/system.md"),
+    unknown_failures: "The failures of the agent are unknown: vary aims, bearings, speeds and satellites.",
+    profile_columns: "bearing in degrees (frame radial_in_track, sectors of 30) | relative speed | steps left to act",
+};
+
+/// Words of refusals.
+const WORDS: RefusalWords = RefusalWords {
+    agents: "satellites",
+    harmless: "no satellite is lost if no satellite burns; add a threat that hits",
+    solvable_fix: "choose fewer or later threats, or more fuel",
+    contested_fix: "choose more threats, to more satellites",
+    new_fix: "change bearings, steps or satellites",
+};
+
 impl DesignLanguage for KesslerLanguage {
+    fn prompt_texts(&self) -> &'static PromptTexts {
+        &PROMPT
+    }
+
+    fn refusal_words(&self) -> &'static RefusalWords {
+        &WORDS
+    }
+
     fn rules(&self, brief: &DesignBrief) -> String {
         schema::rules(brief)
     }
 
     fn schema(&self, brief: &DesignBrief) -> Value {
         schema::design_schema(brief)
+    }
+
+    fn is_design(&self, value: &Value) -> bool {
+        value.get("encounters").is_some()
     }
 
     fn parse(&self, design: &Value, brief: &DesignBrief) -> Result<Value, FieldError> {
@@ -39,7 +70,11 @@ impl DesignLanguage for KesslerLanguage {
         Ok((compiled.scenario, kind))
     }
 
-    fn check_visibility(&self, scenario: &Scenario) -> Result<(), FieldError> {
+    fn is_harmless(&self, _: &Scenario, bracket: &Bracket) -> bool {
+        bracket.panel.first().is_none_or(|hold| hold.lost == 0)
+    }
+
+    fn check_reaction(&self, scenario: &Scenario) -> Result<(), FieldError> {
         checks::check_visibility(scenario)
     }
 
@@ -69,6 +104,12 @@ impl DesignLanguage for KesslerLanguage {
         edit::edit_design(&design, brief, base, rng).map(|design| design.to_json())
     }
 
+    fn aim_place(&self, design: &Value) -> Option<String> {
+        let bearing = design.pointer("/aim/bearing_deg").and_then(Value::as_u64)?;
+        let frame = design.get("frame").and_then(Value::as_str).unwrap_or(FRAMES[0].name);
+        Some(format!("from {bearing} degrees ({})", identifier(frame)))
+    }
+
     fn table(&self, design: &Value) -> Option<DesignTable> {
         Design::from_json(design).ok().map(|design| table::design_table(&design))
     }
@@ -81,17 +122,8 @@ impl DesignLanguage for KesslerLanguage {
 /// Parses a design, and checks that the brief allows its aim, params and rogues.
 fn parse_for(design: &Value, brief: &DesignBrief) -> Result<Design, FieldError> {
     let design = Design::from_json(design)?;
-    if !allowed_aims(brief).any(|aim| aim.mode == design.aim.mode) {
-        let known = allowed_aims(brief).map(|aim| aim.mode).collect::<Vec<_>>().join(", ");
-        let mode = shorten(&design.aim.mode);
-        return Err(FieldError::new(
-            "aim.mode",
-            format!("must be one of {known} for this brief, got {mode:?}"),
-        ));
-    }
-    for (name, value) in &design.params {
-        check_param(name, *value, brief)?;
-    }
+    check_mode(&design.aim.mode, &allowed_aims(brief).map(|aim| aim.mode).collect::<Vec<_>>())?;
+    check_params(&design.params, brief, &KesslerLanguage.param_choices(brief))?;
     if let Some(at) = design.encounters.iter().position(|e| e.is_rogue).filter(|_| !allows_rogues(brief)) {
         return Err(FieldError::new(
             format!("encounters.{at}.rogue"),
@@ -99,27 +131,4 @@ fn parse_for(design: &Value, brief: &DesignBrief) -> Result<Design, FieldError> 
         ));
     }
     Ok(design)
-}
-
-/// Checks that a param has the value of the brief's recipe, or is one of the brief's choices.
-fn check_param(name: &str, value: f64, brief: &DesignBrief) -> Result<(), FieldError> {
-    if brief.recipe.param(name).is_some_and(|held| held.to_bits() == value.to_bits()) {
-        return Ok(());
-    }
-    let field = format!("params.{name}");
-    let Some(choice) = brief.param_choices.iter().find(|choice| choice.param == *name) else {
-        let known = brief.param_choices.iter().map(|choice| choice.param.as_str());
-        let known = known.collect::<Vec<_>>().join(", ");
-        let message = if known.is_empty() {
-            "must be left out: all params are fixed".to_owned()
-        } else {
-            format!("must be left out: a layout may set only {known}")
-        };
-        return Err(FieldError::new(field, message));
-    };
-    if choice.values.contains(&value) {
-        return Ok(());
-    }
-    let values = choice.values.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
-    Err(FieldError::new(field, format!("must be one of {values}, got {}", format_shortest(value))))
 }

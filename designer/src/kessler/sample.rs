@@ -14,9 +14,8 @@ use super::vocabulary::{
 };
 use crate::brief::DesignBrief;
 use crate::profile::{ModeProfile, SectorWeights};
+use crate::profile_sampling::{EXPLORATION, sample_mode, sharpen};
 
-/// Share of designs that ignore the profile, to explore bearings and speeds without known failures.
-const EXPLORATION: f64 = 0.05;
 /// Maximum number of attempts to sample one encounter.
 const MAX_ATTEMPTS: u32 = 24;
 /// Least and largest number of encounters in a layout of threats.
@@ -162,16 +161,12 @@ impl Target {
     }
 }
 
-/// Samples an aim by the squared weight of its failure mode, so that frequent failures dominate. Without known failures it is
-/// a collision.
+/// Samples an aim by its failure mode. Without known failures it is a collision.
 fn sample_aim(brief: &DesignBrief, rng: &mut KeyedRng) -> Option<AimSpec> {
     let allowed: Vec<_> = allowed_aims(brief).collect();
-    let weight = |mode: &str| brief.profile.mode(mode).map_or(0.0, |profile| profile.weight);
-    let mut weights: Vec<f64> = allowed.iter().map(|aim| weight(aim.mode) * weight(aim.mode)).collect();
-    if weights.iter().all(|weight| *weight <= 0.0) {
-        weights = allowed.iter().map(|aim| if aim.mode == "collision" { 1.0 } else { 0.0 }).collect();
-    }
-    Some(*allowed[rng.weighted_index(&weights)?])
+    let modes: Vec<_> = allowed.iter().map(|aim| aim.mode).collect();
+    let unknown = |mode: &str| if mode == "collision" { 1.0 } else { 0.0 };
+    Some(*allowed[sample_mode(brief, &modes, unknown, rng)?])
 }
 
 /// Adds the results of past layouts with this aim to the weights: their bearings and speeds, weighted by the regret that they
@@ -222,19 +217,6 @@ fn sharper_frame(mode: &ModeProfile) -> (BearingFrame, SectorWeights) {
 fn concentration(sectors: &SectorWeights) -> f64 {
     let total: f64 = sectors.iter().sum();
     if total > 0.0 { sectors.iter().map(|weight| (weight / total) * (weight / total)).sum() } else { 0.0 }
-}
-
-/// Returns weights that favour the middle of peaks: each sector plus half of its neighbours, cubed.
-fn sharpen(sectors: &SectorWeights) -> SectorWeights {
-    let last = sectors.len() - 1;
-    let mut sharpened = *sectors;
-    for (index, weight) in sharpened.iter_mut().enumerate() {
-        let left = sectors[if index == 0 { last } else { index - 1 }];
-        let right = sectors[if index == last { 0 } else { index + 1 }];
-        let smooth = sectors[index] + 0.5 * (left + right);
-        *weight = smooth * smooth * smooth;
-    }
-    sharpened
 }
 
 /// Samples a relative speed, in the unit of [`SPEED`], from a band by its weight.

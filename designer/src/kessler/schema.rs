@@ -8,14 +8,15 @@ use env_core::kessler::constants::{
     CONTACT_DISTANCE, EARTH_RADIUS, FUEL_PER_SPEED, HORIZON, SATELLITE_RADII, SATELLITES,
 };
 use env_core::kessler::threat_placement::THREAT_START_RADII;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use super::aim::{AIM_TOLERANCE_DEG, allowed_aims, allows_rogues};
 use super::vocabulary::{
-    BEARING, Bound, EncounterKind, FRAMES, KINDS, KindSpec, MAX_ENCOUNTERS, MAX_NAME_CHARS, MISS, SATELLITE,
-    SPEED, STEP,
+    BEARING, Bound, EncounterKind, FRAMES, KINDS, KindSpec, MAX_ENCOUNTERS, MISS, SATELLITE, SPEED, STEP,
 };
 use crate::brief::DesignBrief;
+use crate::design_fields::MAX_NAME_CHARS;
+use crate::schema_forms::{integer, object, params, string_of};
 
 /// Maximum number of encounters that a model is asked for. A layout is as good as its worst encounter, every one must be
 /// possible, and small models use all that they may.
@@ -102,14 +103,8 @@ pub(super) fn rules(brief: &DesignBrief) -> String {
 fn design_form(brief: &DesignBrief, needed: EncounterKind, modes: Vec<&'static str>) -> Value {
     let aim = [("mode", string_of(modes)), ("bearing_deg", integer(BEARING.min, BEARING.max))];
     let mut fields = vec![("aim", object(&aim)), ("frame", string_of(FRAMES.map(|spec| spec.name)))];
-    let params: Vec<_> = brief
-        .param_choices
-        .iter()
-        .map(|choice| (choice.param.as_str(), json!({"type": "number", "enum": choice.values})))
-        .collect();
-    if !params.is_empty() {
-        fields.push(("params", object(&params)));
-    }
+    let choices: Vec<_> = brief.param_choices.iter().collect();
+    fields.extend(params(&choices).map(|params| ("params", params)));
     // One form for each kind, so that a grammar enforces its miss distances.
     let is_allowed = |kind: EncounterKind| kind == needed || needed == EncounterKind::Threat;
     let encounters: Vec<_> = KINDS
@@ -145,20 +140,4 @@ fn encounter_form(kind: &KindSpec, allows_rogues: bool) -> Value {
         fields.push(("rogue", json!({"type": "boolean"})));
     }
     object(&fields)
-}
-
-/// Returns the schema of an object that requires all of these fields, in this order.
-fn object(fields: &[(&str, Value)]) -> Value {
-    let order: Vec<_> = fields.iter().map(|field| field.0).collect();
-    let properties: Map<_, _> =
-        fields.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect();
-    json!({"type": "object", "additionalProperties": false, "required": order, "properties": properties})
-}
-
-fn integer(min: u32, max: u32) -> Value {
-    json!({"type": "integer", "minimum": min, "maximum": max})
-}
-
-fn string_of<'a>(choices: impl IntoIterator<Item = &'a str>) -> Value {
-    json!({"type": "string", "enum": choices.into_iter().collect::<Vec<_>>()})
 }

@@ -7,13 +7,11 @@ use env_core::kessler::bearing::BearingFrame;
 use env_core::kessler::constants::{HORIZON, SATELLITES};
 use serde_json::{Map, Value};
 
+use crate::design_fields::parse_integer;
 use crate::field_error::FieldError;
-use crate::untrusted_text::shorten;
 
 /// Maximum number of encounters in a layout.
 pub const MAX_ENCOUNTERS: usize = 12;
-/// Maximum length of a layout's name, in characters.
-pub const MAX_NAME_CHARS: usize = 60;
 
 /// Bounds and meaning of one number of an encounter.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -95,15 +93,9 @@ impl Bound {
 
     /// Parses the number from the fields of the object at `path`.
     pub(super) fn parse(&self, path: &str, fields: &Map<String, Value>) -> Result<u32, FieldError> {
-        let field = format!("{path}.{}", self.name);
-        let wanted = || format!("must be an integer from {} to {}", self.min, self.max);
-        let Some(value) = fields.get(self.name) else {
-            return Err(FieldError::new(field, format!("is required; {}", wanted())));
-        };
-        let number = value.as_u64().and_then(|number| u32::try_from(number).ok());
-        number.filter(|number| self.contains(*number)).ok_or_else(|| {
-            FieldError::new(field, format!("{}, got {}", wanted(), shorten(&value.to_string())))
-        })
+        let number = parse_integer(path, fields, self.name, self.min.into()..=self.max.into())?;
+        // Bounds fit, so a number within them does too.
+        Ok(u32::try_from(number).unwrap_or(self.min))
     }
 }
 

@@ -3,6 +3,8 @@
 use llm::{MAX_ANSWER_BYTES, json_values, strip_reasoning};
 use serde_json::Value;
 
+use crate::design_language::DesignLanguage;
+
 /// Designs of an answer.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ExtractedDesigns {
@@ -22,11 +24,15 @@ impl ExtractedDesigns {
     }
 }
 
-/// Extracts up to `max_designs` designs.
+/// Extracts up to `max_designs` designs of a language.
 ///
 /// # Errors
 /// Returns why the answer has no designs, as a sentence that the model can act on.
-pub fn extract_designs(text: &str, max_designs: usize) -> Result<ExtractedDesigns, String> {
+pub fn extract_designs(
+    text: &str,
+    language: &dyn DesignLanguage,
+    max_designs: usize,
+) -> Result<ExtractedDesigns, String> {
     if text.len() > MAX_ANSWER_BYTES {
         return Err(format!("it has {} bytes, more than {MAX_ANSWER_BYTES}", text.len()));
     }
@@ -42,7 +48,7 @@ pub fn extract_designs(text: &str, max_designs: usize) -> Result<ExtractedDesign
     if let Ok(value) = serde_json::from_str(answer) {
         return designs_of_answer(value, max_designs);
     }
-    match scan(answer) {
+    match scan(answer, language) {
         found if found.is_empty() => Err(format!("it is not JSON ({error})")),
         found => Ok(ExtractedDesigns::new(found, max_designs, false)),
     }
@@ -63,10 +69,6 @@ fn has_objects(value: &Value) -> bool {
     value.as_array().is_some_and(|items| items.iter().any(Value::is_object))
 }
 
-fn is_design(value: &Value) -> bool {
-    value.get("encounters").is_some() || value.get("aim").is_some()
-}
-
 /// Returns the entries of the field `layouts`, or of an array, or the value itself.
 fn into_list(value: Value) -> Vec<Value> {
     match value {
@@ -83,12 +85,12 @@ fn into_list(value: Value) -> Vec<Value> {
 
 /// Finds designs within other text. Of an incomplete list, the complete designs are returned. If nothing looks like a design,
 /// the first object is returned, so that the gate can name its invalid field.
-fn scan(text: &str) -> Vec<Value> {
+fn scan(text: &str, language: &dyn DesignLanguage) -> Vec<Value> {
     let mut found = Vec::new();
     let mut first_object = None;
     for value in json_values(text) {
         let is_list = value.get("layouts").is_some_and(Value::is_array) || has_objects(&value);
-        if is_list || is_design(&value) {
+        if is_list || value.get("aim").is_some() || language.is_design(&value) {
             found.extend(into_list(value));
             // A complete list is the answer; the rest is comment.
             if is_list {
@@ -106,8 +108,12 @@ mod tests {
     use super::*;
     use serde_json::json;
 
+    fn extract(text: &str) -> Result<ExtractedDesigns, String> {
+        extract_designs(text, &crate::kessler::KesslerLanguage, 3)
+    }
+
     fn names(text: &str) -> Vec<String> {
-        let found = extract_designs(text, 3).unwrap();
+        let found = extract(text).unwrap();
         found.designs.iter().map(|d| d["name"].as_str().unwrap_or("?").to_owned()).collect()
     }
 
@@ -129,14 +135,14 @@ mod tests {
             assert_eq!(names(&text), ["a", "b"], "{text}");
         }
         assert_eq!(names(a), ["a"]);
-        assert_eq!(extract_designs(r#"{"answer": 42}"#, 3).unwrap().designs, [json!({"answer": 42})]);
-        let many = extract_designs(&format!("[{}]", vec![a; 1000].join(",")), 3).unwrap();
+        assert_eq!(extract(r#"{"answer": 42}"#).unwrap().designs, [json!({"answer": 42})]);
+        let many = extract(&format!("[{}]", vec![a; 1000].join(","))).unwrap();
         assert_eq!((many.designs.len(), many.dropped), (3, 997));
     }
 
     #[test]
     fn answer_without_designs_has_a_reason() {
-        let reason = |text: &str| extract_designs(text, 3).unwrap_err();
+        let reason = |text: &str| extract(text).unwrap_err();
         let deep = "[".repeat(100_000);
         for hostile in [&deep, &"{\"a\":".repeat(40_000), &"{\"a\":[1,".repeat(30_000)] {
             assert!(reason(hostile).starts_with("it is not JSON"));

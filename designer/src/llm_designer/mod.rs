@@ -69,7 +69,7 @@ impl LlmDesigner {
         let deadline = brief.time_limit.and_then(|limit| started.checked_add(limit));
         let mut outcome = DesignOutcome::default();
         outcome.usage.model = Some(self.client.config().model.clone());
-        outcome.usage.prompt = Some(prompt::version(brief));
+        outcome.usage.prompt = Some(gate.language().prompt_texts().version.to_owned());
         let mut failure = None;
         while outcome.admitted() < brief.count && failure.is_none() {
             let before = outcome.admitted();
@@ -113,18 +113,22 @@ impl LlmDesigner {
             let request = self.request(messages.clone(), list_schema(&schema, requested));
             let response = self.complete(&request, deadline, outcome).await?;
             outcome.usage.rounds += 1;
-            let exchange = match extract_designs(&response.text, JUDGED_PER_REQUESTED * requested) {
-                Ok(mut found) => {
-                    found.designs.iter_mut().for_each(|design| self.client.config().redact_key_in(design));
-                    let refused = judge(brief, gate, found, round, outcome).await;
-                    if refused.is_empty() || outcome.admitted() >= brief.count {
-                        return Ok(());
+            let exchange =
+                match extract_designs(&response.text, gate.language(), JUDGED_PER_REQUESTED * requested) {
+                    Ok(mut found) => {
+                        found
+                            .designs
+                            .iter_mut()
+                            .for_each(|design| self.client.config().redact_key_in(design));
+                        let refused = judge(brief, gate, found, round, outcome).await;
+                        if refused.is_empty() || outcome.admitted() >= brief.count {
+                            return Ok(());
+                        }
+                        requested = refused.len().min(MAX_LAYOUTS_PER_CALL);
+                        repair_exchange(&refused[..requested])
                     }
-                    requested = refused.len().min(MAX_LAYOUTS_PER_CALL);
-                    repair_exchange(&refused[..requested])
-                }
-                Err(reason) => unreadable_exchange(&response, &reason, requested, round, outcome),
-            };
+                    Err(reason) => unreadable_exchange(&response, &reason, requested, round, outcome),
+                };
             // Only the last refusals: a growing conversation would exceed the context of a small model.
             messages.clone_from(&opening);
             messages.extend(exchange);

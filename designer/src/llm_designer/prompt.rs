@@ -1,21 +1,20 @@
-//! Prompts of the designer. The templates are files in `prompts/`, one folder per version. A change of a template, of a
-//! language's rules or of a refusal's message needs a new version, so that layouts are traceable to their prompt.
+//! Prompts of the designer. The templates are files in `prompts/`: one folder for each version of a world's prompt, and
+//! `prompts/shared/` for all worlds. A change of a template, of a language's rules or of a refusal's message needs a new
+//! version of each prompt that has it, so that layouts are traceable to their prompt.
 
 use env_core::critique::{PROFILE_SECTORS, SpeedBands};
 use llm::{Message, Role, sanitize_line_to};
 use serde_json::Value;
 
 use crate::brief::{DesignBrief, LayoutOutcome, ParamChoice, PastLayout};
-use crate::design_language::DesignLanguage;
+use crate::design_language::{DesignLanguage, PromptTexts};
 use crate::profile::{FailureProfile, ModeProfile};
 use crate::refusal::Refusal;
+use crate::untrusted_text::identifier;
 
-/// Version of the templates.
-const VERSION: &str = "2";
-const SYSTEM: &str = include_str!("../../prompts/2/system.md");
-const USER: &str = include_str!("../../prompts/2/user.md");
-const REPAIR: &str = include_str!("../../prompts/2/repair.md");
-const UNREADABLE: &str = include_str!("../../prompts/2/unreadable.md");
+const USER: &str = include_str!("../../prompts/shared/user.md");
+const REPAIR: &str = include_str!("../../prompts/shared/repair.md");
+const UNREADABLE: &str = include_str!("../../prompts/shared/unreadable.md");
 
 /// Maximum number of rows of the failure profile.
 const MAX_PROFILE_ROWS: usize = 16;
@@ -29,8 +28,6 @@ const MAX_REFUSED: usize = 4;
 const MAX_NAME_CHARS: usize = 60;
 /// Length limit of a reason, in characters.
 const MAX_REASON_CHARS: usize = 240;
-/// Length limit of an identifier such as a failure mode, in characters.
-const MAX_IDENTIFIER_CHARS: usize = 40;
 
 /// Layout that the gate refused in the last answer.
 #[derive(Debug, Clone, Copy)]
@@ -43,18 +40,12 @@ pub struct RefusedLayout<'a> {
     pub refusal: &'a Refusal,
 }
 
-/// Returns the version of the prompt for a brief, such as `kessler-2`.
-#[must_use]
-pub fn version(brief: &DesignBrief) -> String {
-    let world = brief.recipe.task().world();
-    format!("{}-{VERSION}", world.split('@').next().unwrap_or(world))
-}
-
 /// Returns the messages that ask for `count` layouts.
 #[must_use]
 pub fn opening(brief: &DesignBrief, language: &dyn DesignLanguage, count: usize) -> Vec<Message> {
     let task = brief.recipe.task();
-    let system = fill(SYSTEM, &[("rules", language.rules(brief))]);
+    let texts = language.prompt_texts();
+    let system = fill(texts.system, &[("rules", language.rules(brief))]);
     let user = fill(
         USER,
         &[
@@ -62,10 +53,10 @@ pub fn opening(brief: &DesignBrief, language: &dyn DesignLanguage, count: usize)
             ("level", brief.level.map_or_else(String::new, |level| format!(", level {level}"))),
             ("about", task.description().to_owned()),
             ("params", params_text(brief)),
-            ("limits", choices_text(brief)),
+            ("limits", choices_text(&language.param_choices(brief))),
             ("standing", mastery_text(brief)),
-            ("profile", profile_text(&brief.profile, task.speed_bands())),
-            ("fates", past_layouts_text(&brief.past_layouts)),
+            ("profile", profile_text(&brief.profile, task.speed_bands(), texts)),
+            ("fates", past_layouts_text(&brief.past_layouts, language)),
             ("count", count_text(count)),
         ],
     );
@@ -117,11 +108,6 @@ fn quote(text: &str, max_chars: usize) -> String {
     Value::String(sanitize_line_to(text, max_chars)).to_string()
 }
 
-/// Returns an identifier that came from a file: its letters, digits and `_`.
-fn identifier(text: &str) -> String {
-    text.chars().filter(|c| c.is_ascii_alphanumeric() || *c == '_').take(MAX_IDENTIFIER_CHARS).collect()
-}
-
 fn percent(share: f64) -> String {
     format!("{:.0} %", 100.0 * share.clamp(0.0, 1.0))
 }
@@ -138,15 +124,15 @@ fn params_text(brief: &DesignBrief) -> String {
     brief.recipe.task().params().iter().map(param).collect::<Vec<_>>().join(", ")
 }
 
-fn choices_text(brief: &DesignBrief) -> String {
-    if brief.param_choices.is_empty() {
+fn choices_text(choices: &[&ParamChoice]) -> String {
+    if choices.is_empty() {
         return "All params are fixed: leave out the field params.".to_owned();
     }
-    let row = |choice: &ParamChoice| {
+    let row = |choice: &&ParamChoice| {
         let values = choice.values.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
         format!("- {}: one of {values}", choice.param)
     };
-    let rows = brief.param_choices.iter().map(row).collect::<Vec<_>>().join("\n");
+    let rows = choices.iter().map(row).collect::<Vec<_>>().join("\n");
     format!("A layout may set these in its field params:\n{rows}")
 }
 
@@ -170,17 +156,13 @@ struct ProfileRow {
 }
 
 /// Returns the profile as a table, heaviest rows first, and the shares of inertial bearings.
-fn profile_text(profile: &FailureProfile, bands: SpeedBands) -> String {
+fn profile_text(profile: &FailureProfile, bands: SpeedBands, texts: &PromptTexts) -> String {
     let total = profile.total_weight();
     if total <= 0.0 {
-        return "The failures of the agent are unknown: vary aims, bearings, speeds and satellites."
-            .to_owned();
+        return texts.unknown_failures.to_owned();
     }
     let rows = profile_rows(profile, bands);
-    let mut lines = vec![
-        "share | mode | bearing in degrees (frame radial_in_track, sectors of 30) | relative speed | steps left to act"
-            .to_owned(),
-    ];
+    let mut lines = vec![format!("share | mode | {}", texts.profile_columns)];
     let shown = rows.iter().take(MAX_PROFILE_ROWS);
     lines.extend(shown.map(|row| format!("{} | {}", percent(row.weight / total), row.text)));
     let others: f64 = rows.iter().skip(MAX_PROFILE_ROWS).map(|row| row.weight).sum();
@@ -247,7 +229,7 @@ fn inertial_bearings_text(mode: &ModeProfile) -> Option<String> {
 
 /// Returns past layouts with their outcomes. Those with episodes teach most and come first; refused ones follow, and untested
 /// ones fill up.
-fn past_layouts_text(past_layouts: &[PastLayout]) -> String {
+fn past_layouts_text(past_layouts: &[PastLayout], language: &dyn DesignLanguage) -> String {
     if past_layouts.is_empty() {
         return "None.".to_owned();
     }
@@ -257,17 +239,14 @@ fn past_layouts_text(past_layouts: &[PastLayout]) -> String {
     let refused = with(|outcome| matches!(outcome, LayoutOutcome::Refused { .. })).take(MAX_REFUSED);
     let untested = with(|outcome| matches!(outcome, LayoutOutcome::Untested));
     let shown = evaluated.chain(refused).chain(untested).take(MAX_PAST_LAYOUTS);
-    shown.map(past_layout_text).collect::<Vec<_>>().join("\n")
+    shown.map(|past| past_layout_text(past, language)).collect::<Vec<_>>().join("\n")
 }
 
-fn past_layout_text(past: &PastLayout) -> String {
+fn past_layout_text(past: &PastLayout, language: &dyn DesignLanguage) -> String {
     let text = |pointer: &str| past.design.pointer(pointer).and_then(Value::as_str);
     let name = quote(text("/name").unwrap_or_default(), MAX_NAME_CHARS);
     let mode = identifier(text("/aim/mode").unwrap_or_default());
-    let bearing = past.design.pointer("/aim/bearing_deg").and_then(Value::as_u64);
-    let bearing = bearing.map_or_else(String::new, |bearing| {
-        format!(" from {bearing} degrees ({})", identifier(text("/frame").unwrap_or("radial_in_track")))
-    });
+    let place = language.aim_place(&past.design).map_or_else(String::new, |place| format!(" {place}"));
     let outcome = match &past.outcome {
         LayoutOutcome::Refused { check, reason } => {
             format!("refused, {}: {}", identifier(check), quote(reason, MAX_REASON_CHARS))
@@ -284,5 +263,5 @@ fn past_layout_text(past: &PastLayout) -> String {
             )
         }
     };
-    format!("- {name}, aim {mode}{bearing}: {outcome}")
+    format!("- {name}, aim {mode}{place}: {outcome}")
 }

@@ -60,7 +60,7 @@ fn design(bytes: &[u8]) -> bool {
 
 /// An answer has at most as many designs as were requested.
 fn design_answer(bytes: &[u8]) -> bool {
-    with_text(bytes, |text| match extract_designs(text, MAX_DESIGNS) {
+    with_text(bytes, |text| match extract_designs(text, briefed_language().language, MAX_DESIGNS) {
         Ok(found) => {
             assert!((1..=MAX_DESIGNS).contains(&found.designs.len()), "{} designs", found.designs.len());
             true

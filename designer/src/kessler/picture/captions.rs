@@ -3,21 +3,17 @@
 use env_core::kessler::constants::RADAR_NONE;
 
 use super::scene::Scene;
-use super::style::{AIM_COLOUR, BURN_COLOUR, SATELLITE_COLOURS, draw_star, kind_colour};
+use super::style::{BURN_COLOUR, SATELLITE_COLOURS, draw_star, kind_colour};
 use super::{MARGIN, WIDTH};
 use crate::design_language::{LayoutKind, LayoutView};
 use crate::kessler::aim::has_threat;
 use crate::kessler::table::{aim_text, encounter_row, frame_text};
 use crate::kessler::vocabulary::{EncounterKind, frame_spec};
-use crate::svg::{
-    Arrow, DIM, GRID, Point, Stroke, SvgCanvas, TEXT, TextAnchor, TextStyle, truncate_to_width,
-};
+use crate::picture_parts::{self, AIM_COLOUR, Legend};
+use crate::svg::{Arrow, DIM, GRID, Point, Stroke, SvgCanvas, TEXT, TextAnchor, TextStyle};
 
 /// Draws the name, the kind and aim, and the scenario with its scores.
 pub(super) fn draw_title(canvas: &mut SvgCanvas, layout: LayoutView<'_>, scene: &Scene) {
-    let width = WIDTH - 2.0 * MARGIN;
-    let name = truncate_to_width(layout.name, width, 20.0);
-    canvas.text((MARGIN, 30.0), TextStyle::new(20.0).bold(), &name);
     let subtitle = match &scene.design {
         None => "without a design; shows the debris that hits holding satellites".to_owned(),
         Some(design) => {
@@ -25,13 +21,6 @@ pub(super) fn draw_title(canvas: &mut SvgCanvas, layout: LayoutView<'_>, scene: 
             format!("{}, aimed at {}", kind.as_str(), aim_text(design))
         }
     };
-    canvas.text((MARGIN, 52.0), TextStyle::new(14.0), &truncate_to_width(&subtitle, width, 14.0));
-    let details = truncate_to_width(&scenario_text(layout), width, 12.5);
-    canvas.text((MARGIN, 72.0), TextStyle::new(12.5).colour(DIM), &details);
-}
-
-/// Returns the task, the most important params, and the scores of the bracket.
-fn scenario_text(layout: LayoutView<'_>) -> String {
     let recipe = layout.scenario.recipe();
     let params = recipe.task().params().iter().filter_map(|spec| {
         let value = recipe.param(spec.name)?;
@@ -42,36 +31,14 @@ fn scenario_text(layout: LayoutView<'_>) -> String {
         };
         is_shown.then(|| format!("{} {value}", spec.name.replace('_', " ")))
     });
-    let bracket = layout.bracket;
-    format!(
-        "{} · {} · scores: hold {:.3}, floor {:.3}, reference {:.3}",
-        recipe.task().id(),
-        params.collect::<Vec<_>>().join(", "),
-        bracket.hold_score(),
-        bracket.floor,
-        bracket.reference.score
-    )
+    let params: Vec<String> = params.collect();
+    picture_parts::draw_title(canvas, layout, &subtitle, &params, (MARGIN, WIDTH - 2.0 * MARGIN));
 }
 
-/// Writer of legend entries, from top to bottom.
-struct Legend<'a> {
-    canvas: &'a mut SvgCanvas,
-    x: f64,
-    y: f64,
-}
+/// Legend of kessler.
+struct KesslerLegend<'a>(Legend<'a>);
 
-impl Legend<'_> {
-    /// Adds an entry. `draw_sample` gets the point at the left end of the sample, which may be 36 wide.
-    fn entry(&mut self, text: &str, draw_sample: impl FnOnce(&mut SvgCanvas, f64, f64)) {
-        draw_sample(self.canvas, self.x, self.y - 4.0);
-        self.canvas.text((self.x + 42.0, self.y), TextStyle::new(12.0), text);
-        self.y += 19.0;
-    }
-
-    fn line_entry(&mut self, text: &str, stroke: Stroke) {
-        self.entry(text, |canvas, x, y| canvas.line(&[(x + 2.0, y), (x + 34.0, y)], stroke));
-    }
-
+impl KesslerLegend<'_> {
     /// Adds the satellites, if they hold and by the reference plan.
     fn add_satellites(&mut self, scene: &Scene) {
         for (satellite, colour) in SATELLITE_COLOURS.iter().enumerate() {
@@ -79,7 +46,7 @@ impl Legend<'_> {
                 || format!("satellite {satellite}: holds, survives"),
                 |step| format!("satellite {satellite}: holds, lost at step {step}"),
             );
-            self.entry(&text, |canvas, x, y| {
+            self.0.entry(&text, |canvas, x, y| {
                 canvas.line(&[(x + 8.0, y), (x + 34.0, y)], Stroke::new(colour, 2.2));
                 canvas.circle((x + 8.0, y), 5.0, colour, None);
             });
@@ -87,14 +54,14 @@ impl Legend<'_> {
         let dashed = Stroke::new(TEXT, 1.6).dashes("3 4");
         let burns = match scene.reference.burns.len() {
             0 => {
-                self.line_entry("reference plan: holds", dashed);
+                self.0.line_entry("reference plan: holds", dashed);
                 return;
             }
             1 => "burn of the reference plan".to_owned(),
             count => format!("{count} burns of the reference plan"),
         };
-        self.line_entry("path by the reference plan", dashed);
-        self.entry(&burns, |canvas, x, y| {
+        self.0.line_entry("path by the reference plan", dashed);
+        self.0.entry(&burns, |canvas, x, y| {
             let arrow = Arrow { from: (x + 8.0, y), to: (x + 30.0, y) };
             canvas.arrow(arrow, 6.0, Stroke::new(BURN_COLOUR, 1.6));
         });
@@ -106,14 +73,14 @@ impl Legend<'_> {
             let of_kind = || scene.passes.iter().filter(move |pass| pass.encounter.kind == kind);
             let (name, colour) = (kind.as_str(), kind_colour(kind));
             if of_kind().any(|pass| !pass.encounter.is_rogue) {
-                self.entry(&format!("{name}: from start to encounter"), |canvas, x, y| {
+                self.0.entry(&format!("{name}: from start to encounter"), |canvas, x, y| {
                     canvas.circle((x + 4.0, y), 2.2, colour, None);
                     canvas.line(&[(x + 4.0, y), (x + 14.0, y)], Stroke::new(colour, 0.9).opacity(0.4));
                     canvas.line(&[(x + 14.0, y), (x + 34.0, y)], Stroke::new(colour, 2.0));
                 });
             }
             if of_kind().any(|pass| pass.encounter.is_rogue) {
-                self.entry(&format!("rogue {name}: from its appearance"), |canvas, x, y| {
+                self.0.entry(&format!("rogue {name}: from its appearance"), |canvas, x, y| {
                     draw_star(canvas, (x + 6.0, y), colour);
                     canvas.line(&[(x + 6.0, y), (x + 34.0, y)], Stroke::new(colour, 2.0).dashes("5 3"));
                 });
@@ -124,28 +91,28 @@ impl Legend<'_> {
     /// Adds the marks that help to read the picture.
     fn add_marks(&mut self, scene: &Scene) {
         if scene.aimed_pass().is_some_and(|(aim, _)| aim.bearing_deg.is_some()) {
-            self.entry("aim: sector of bearings", |canvas, x, y| {
+            self.0.entry("aim: sector of bearings", |canvas, x, y| {
                 let outline = [(x + 4.0, y), (x + 34.0, y - 6.0), (x + 34.0, y + 6.0)];
                 canvas.area(&outline, AIM_COLOUR, 0.2, Some(Stroke::new(AIM_COLOUR, 1.0).opacity(0.7)));
             });
         }
         if !scene.passes.is_empty() {
-            self.entry("bearing: line of sight", |canvas, x, y| {
+            self.0.entry("bearing: line of sight", |canvas, x, y| {
                 canvas.line(&[(x + 4.0, y), (x + 30.0, y)], Stroke::new(TEXT, 1.0).dashes("2 3"));
                 canvas.circle((x + 30.0, y), 4.2, "none", Some(Stroke::new(TEXT, 1.4)));
             });
-            self.entry("contact distance: 2 LU", |canvas, x, y| {
+            self.0.entry("contact distance: 2 LU", |canvas, x, y| {
                 canvas.circle((x + 20.0, y), 6.0, "none", Some(Stroke::new(TEXT, 0.8).opacity(0.7)));
             });
         }
         let target_radius = scene.reference.target_radius;
         if target_radius > 0.0 {
             let text = format!("target radius: {target_radius:.0} LU");
-            self.line_entry(&text, Stroke::new(TEXT, 1.2).opacity(0.6).dashes("1 5"));
+            self.0.line_entry(&text, Stroke::new(TEXT, 1.2).opacity(0.6).dashes("1 5"));
         }
         if !scene.background.is_empty() {
             let text = format!("background debris: {}", scene.background.len());
-            self.entry(&text, |canvas, x, y| {
+            self.0.entry(&text, |canvas, x, y| {
                 canvas.dots(&[(x + 8.0, y), (x + 19.0, y - 3.0), (x + 30.0, y + 2.0)], Stroke::new(DIM, 2.4));
             });
         }
@@ -154,11 +121,11 @@ impl Legend<'_> {
 
 /// Draws the legend. Returns its bottom.
 pub(super) fn draw_legend(canvas: &mut SvgCanvas, scene: &Scene, corner: Point) -> f64 {
-    let mut legend = Legend { canvas, x: corner.0, y: corner.1 + 10.0 };
+    let mut legend = KesslerLegend(Legend::new(canvas, corner));
     legend.add_satellites(scene);
     legend.add_encounters(scene);
     legend.add_marks(scene);
-    legend.y
+    legend.0.bottom()
 }
 
 /// Column of the table of encounters, aligned to the right.

@@ -6,10 +6,11 @@ use env_core::kessler::constants::CONTACT_DISTANCE;
 use env_core::kessler::kernel::Body;
 
 use super::scene::{Pass, Scene};
-use super::style::{AIM_COLOUR, SATELLITE_COLOURS, SPACE_COLOUR, kind_colour};
+use super::style::{SATELLITE_COLOURS, kind_colour};
 use crate::kessler::aim::AIM_TOLERANCE_DEG;
 use crate::kessler::table::kind_text;
 use crate::kessler::vocabulary::{MISS, SPEED};
+use crate::picture_parts::{AIM_COLOUR, SPACE_COLOUR};
 use crate::svg::{DIM, GRID, Point, Stroke, SvgCanvas, TEXT, TextAnchor, TextStyle, format_number};
 
 /// Number of steps before the encounter that are shown.

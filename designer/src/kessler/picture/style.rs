@@ -1,16 +1,13 @@
 //! Colours and marks that the parts of a picture share.
 
 use crate::kessler::vocabulary::EncounterKind;
+use crate::picture_parts::AGENT_COLOURS;
 use crate::svg::{Point, Stroke, SvgCanvas};
 
 /// Colours of the satellites, by index.
-pub(super) const SATELLITE_COLOURS: [&str; 3] = ["#6cb6ff", "#7ee0a1", "#d2a8ff"];
-/// Colour of the sector of the aimed bearing.
-pub(super) const AIM_COLOUR: &str = "#ffa657";
+pub(super) const SATELLITE_COLOURS: [&str; 3] = [AGENT_COLOURS[0], AGENT_COLOURS[1], AGENT_COLOURS[2]];
 /// Colour of the burns of the reference plan.
 pub(super) const BURN_COLOUR: &str = "#ffffff";
-/// Background of the map and of the insets.
-pub(super) const SPACE_COLOUR: &str = "#0b0f15";
 
 /// Returns the colour of a kind of encounter.
 pub(super) const fn kind_colour(kind: EncounterKind) -> &'static str {

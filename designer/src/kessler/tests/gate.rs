@@ -215,7 +215,7 @@ fn decoys_must_tempt_and_differ() {
     let bases = (0..8).map(|number| brief.base_scenario(number));
     let refusal = gate.judge(&brief, &tempting, bases).unwrap_err();
     assert!(
-        matches!(&refusal, Refusal::Known { like, distance } if like == "x" && *distance == 0.0),
+        matches!(&refusal, Refusal::Known { like, distance, .. } if like == "x" && *distance == 0.0),
         "{refusal}"
     );
 }
@@ -254,7 +254,7 @@ fn threat_that_is_seen_too_late_is_unfair() {
     };
     assert!(verdict(300.0).is_ok(), "{:?}", verdict(300.0));
     let refusal = verdict(6.0).unwrap_err();
-    assert!(matches!(refusal, Refusal::Unseen(_)), "{refusal:?}");
+    assert!(matches!(refusal, Refusal::TooLate(_)), "{refusal:?}");
     assert_eq!(refusal.check(), GateCheck::Fair);
     assert!(refusal.to_string().contains("visible"), "{refusal}");
 }
