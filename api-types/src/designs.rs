@@ -168,9 +168,9 @@ pub struct DesignSummary {
 pub struct DesignAim {
     /// Name of the failure mode.
     pub mode: String,
-    /// Bearing of the threat, degrees in `frame`; null if the mode has no direction.
+    /// Bearing of the threat from its agent, degrees in `frame`; null if the aim has no direction.
     pub bearing_deg: Option<i64>,
-    /// Frame of the bearing.
+    /// Frame of the bearing; null in a world with one frame.
     pub frame: Option<String>,
 }
 
@@ -227,16 +227,18 @@ pub struct DesignQuery {
     pub cursor: Option<String>,
 }
 
-/// Design with its encounters, its scenario and its history.
+/// Design with its parts, its scenario and its history.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct Design {
     /// The design, as lists show it.
     #[serde(flatten)]
     pub summary: DesignSummary,
-    /// Design in the language of its world: aim, params and encounters. A refused design is as the designer returned it, an
-    /// admitted one as the gate read it. Null if it was too long to keep.
+    /// Design in the language of its world: aim, params and parts (encounters or deputies). A refused design is as the designer
+    /// returned it, an admitted one as the gate read it. Null if it was too long to keep.
     #[schema(value_type = Option<Object>)]
     pub design: Option<Value>,
+    /// The design as a table for display; null if it cannot be read.
+    pub table: Option<DesignTable>,
     /// Id of the scenario; null if the design was refused. `GET /v1/layouts/{layout}` returns the bodies.
     pub scenario_id: Option<String>,
     /// Bracket of the scenario; null if the design was refused.
@@ -245,6 +247,17 @@ pub struct Design {
     pub transitions: Vec<DesignTransition>,
     /// Ids of the newest finished episodes on the layout, newest first, at most 16.
     pub episodes: Vec<String>,
+}
+
+/// Design as a table for display, by the language of its world.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct DesignTable {
+    /// Aim in a few words.
+    pub aim: String,
+    /// Titles of the columns, with units. All columns but the last hold numbers.
+    pub header: Vec<String>,
+    /// Parts of the design, such as encounters or deputies, one row each.
+    pub rows: Vec<Vec<String>>,
 }
 
 /// Change of a design's state.

@@ -172,7 +172,7 @@ class Designs:
         return response
 
     def get(self, run: str, design: str) -> types.Design:
-        """Get a design with its encounters, scenario, bracket, results and changes of state."""
+        """Get a design with its parts, scenario, bracket, results and changes of state."""
         response: types.Design = self._send(
             "GET", f"/v1/runs/{_segment(run)}/designs/{_segment(design)}", {}, None, is_repeatable=True
         )
@@ -954,7 +954,7 @@ class AsyncDesigns:
         return response
 
     async def get(self, run: str, design: str) -> types.Design:
-        """Get a design with its encounters, scenario, bracket, results and changes of state."""
+        """Get a design with its parts, scenario, bracket, results and changes of state."""
         response: types.Design = await self._send(
             "GET", f"/v1/runs/{_segment(run)}/designs/{_segment(design)}", {}, None, is_repeatable=True
         )

@@ -258,9 +258,9 @@ class DesignAim(TypedDict):
     """Failure that a design aims at."""
 
     bearing_deg: NotRequired[int | None]
-    """Bearing of the threat, degrees in `frame`; null if the mode has no direction."""
+    """Bearing of the threat from its agent, degrees in `frame`; null if the aim has no direction."""
     frame: NotRequired[str | None]
-    """Frame of the bearing."""
+    """Frame of the bearing; null in a world with one frame."""
     mode: str
     """Name of the failure mode."""
 
@@ -298,6 +298,17 @@ class DesignResults(TypedDict):
 
 DesignState: TypeAlias = Literal["active", "retired", "refused"]
 """State of a design."""
+
+
+class DesignTable(TypedDict):
+    """Design as a table for display, by the language of its world."""
+
+    aim: str
+    """Aim in a few words."""
+    header: list[str]
+    """Titles of the columns, with units. All columns but the last hold numbers."""
+    rows: list[list[str]]
+    """Parts of the design, such as encounters or deputies, one row each."""
 
 
 class DesignTransition(TypedDict):
@@ -2058,7 +2069,7 @@ class Layout(DesignSummary):
     bracket: ScenarioBracket
     """Bracket of the scenario."""
     design: NotRequired[dict[str, Any] | None]
-    """Design in the language of its world: aim, params and encounters."""
+    """Design in the language of its world: aim, params and parts (encounters or deputies)."""
     reference_outcome: EpisodeOutcome
     """Outcome of the reference plan, which shows that the layout is solvable."""
     scenario: dict[str, Any]
@@ -2486,18 +2497,19 @@ class Critique(TypedDict):
 
 
 class Design(DesignSummary):
-    """Design with its encounters, its scenario and its history."""
+    """Design with its parts, its scenario and its history."""
 
     bracket: NotRequired[ScenarioBracket | None]
     design: NotRequired[dict[str, Any] | None]
     """
-    Design in the language of its world: aim, params and encounters. A refused design is as the designer returned it, an
-    admitted one as the gate read it. Null if it was too long to keep.
+    Design in the language of its world: aim, params and parts (encounters or deputies). A refused design is as the designer
+    returned it, an admitted one as the gate read it. Null if it was too long to keep.
     """
     episodes: list[str]
     """Ids of the newest finished episodes on the layout, newest first, at most 16."""
     scenario_id: NotRequired[str | None]
     """Id of the scenario; null if the design was refused. `GET /v1/layouts/{layout}` returns the bodies."""
+    table: NotRequired[DesignTable | None]
     transitions: list[DesignTransition]
     """Changes of state, oldest first."""
 

@@ -1,4 +1,4 @@
-//! One design with its encounters, scenario and history.
+//! One design with its parts, scenario and history.
 
 use crate::api_enums::ConvertEnum;
 use api_types::{Design, DesignTransition};
@@ -8,7 +8,7 @@ use store::layouts::{self, LayoutEpisode};
 use store::scenarios::ScenarioLoader;
 use store::{brackets, layout_transitions};
 
-use super::view::{design_json, design_summary};
+use super::view::{design_json, design_summary, design_table};
 use crate::designs::retire_layout::find_layout;
 use crate::http::extract::{NoQuery, Path};
 use crate::http::path_ids::{parse_id, parse_run_id};
@@ -21,7 +21,7 @@ use clock::rfc3339;
 /// Largest number of episodes that are listed.
 const MAX_EPISODES: i64 = 16;
 
-/// Get a design with its encounters, scenario, bracket, results and changes of state.
+/// Get a design with its parts, scenario, bracket, results and changes of state.
 #[utoipa::path(
     get, path = "/runs/{run}/designs/{design}", tag = "designs",
     params(("run" = String, Path, description = "The run's id."), ("design" = String, Path, description = "The design's id.")),
@@ -43,9 +43,11 @@ pub(in crate::http::v1) async fn get_design(
     }
     let transitions = layout_transitions::transitions(&mut conn, row.id).await?.into_iter();
     let episodes = layouts::episodes(&mut conn, row.id, MAX_EPISODES).await?.into_iter();
+    let design = design_json(&row)?;
     Ok(axum::Json(Design {
         summary: design_summary(&row)?,
-        design: design_json(&row)?,
+        table: design.as_ref().and_then(|design| design_table(&row.task, design)),
+        design,
         scenario_id,
         bracket,
         transitions: transitions

@@ -1,7 +1,7 @@
 //! Conversion of stored designs and design requests to responses.
 
 use crate::api_enums::ConvertEnum;
-use api_types::{DesignAim, DesignPage, DesignRequestSummary, DesignResults, DesignSummary};
+use api_types::{DesignAim, DesignPage, DesignRequestSummary, DesignResults, DesignSummary, DesignTable};
 use serde_json::Value;
 use store::StoreError;
 use store::design_requests::{DesignRequestRow, DesignerKind};
@@ -74,6 +74,13 @@ pub(in crate::http::v1) fn design_page(rows: &[LayoutRow], limit: i64) -> Result
 /// Returns an internal problem if the stored design cannot be read.
 pub(in crate::http::v1) fn design_json(row: &LayoutRow) -> Result<Option<Value>, Problem> {
     Ok(row.design.as_deref().map(|text| from_json("a design", text)).transpose()?)
+}
+
+/// Returns a design as a table; `None` if the world of its task cannot read it.
+pub(super) fn design_table(task: &str, design: &Value) -> Option<DesignTable> {
+    let table = designer::design_language(env_core::task(task)?)?.table(design)?;
+    let header = table.header.into_iter().map(str::to_owned).collect();
+    Some(DesignTable { aim: table.aim, header, rows: table.rows })
 }
 
 /// Converts the row of a request.
