@@ -11,7 +11,7 @@ use crate::refusal::{Refusal, RefusalWords};
 /// Kind of a layout, as its design claims and the gate verifies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LayoutKind {
-    /// Holding fails.
+    /// Layout in which holding fails.
     Threat,
     /// Holding succeeds, and every action is a waste.
     Decoy,

@@ -5,7 +5,7 @@
 //!
 //! - [`procedural`] samples layouts from the failure profile and edits successful ones, [`llm_designer`] asks a language
 //!   model, [`replay`] reads layouts from a file.
-//! - [`DesignLanguage`] is the interface of a world whose layouts can be designed; [`kessler`] implements it.
+//! - [`DesignLanguage`] is the interface of a world whose layouts can be designed; [`docking`] and [`kessler`] implement it.
 //! - [`mutate`] edits scenarios for a curriculum, without a designer.
 //! - `registry` maps tasks to worlds, and is the only file that names all worlds.
 //!
@@ -15,12 +15,13 @@ pub mod brief;
 mod design_fields;
 mod design_language;
 mod designer;
-mod docking;
+pub mod docking;
 mod field_error;
 #[doc(hidden)]
 pub mod fuzzing;
 pub mod gate;
 pub mod kessler;
+mod label_placer;
 pub mod llm_designer;
 mod mutation;
 mod picture_parts;

@@ -10,6 +10,15 @@ pub(crate) const AIM_COLOUR: &str = "#ffa657";
 /// Colours of agents, by index.
 pub(crate) const AGENT_COLOURS: [&str; 5] = ["#6cb6ff", "#7ee0a1", "#d2a8ff", "#f2cc60", "#ff9bce"];
 
+/// Place of a title on its page.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TitlePage {
+    /// Left end of the title.
+    pub(crate) left: f64,
+    /// Largest width of the title.
+    pub(crate) width: f64,
+}
+
 /// Draws the name of a layout, a line about its kind and aim, and the scenario with its scores. `params` are its most important
 /// params.
 pub(crate) fn draw_title(
@@ -17,8 +26,9 @@ pub(crate) fn draw_title(
     layout: LayoutView<'_>,
     subtitle: &str,
     params: &[String],
-    (x, width): (f64, f64),
+    page: TitlePage,
 ) {
+    let TitlePage { left: x, width } = page;
     let name = truncate_to_width(layout.name, width, 20.0);
     canvas.text((x, 30.0), TextStyle::new(20.0).bold(), &name);
     canvas.text((x, 52.0), TextStyle::new(14.0), &truncate_to_width(subtitle, width, 14.0));

@@ -1,6 +1,7 @@
 //! Draws from a failure profile that the samplers of all worlds share.
 
 use env_core::KeyedRng;
+use env_core::critique::PROFILE_SECTORS;
 
 use crate::brief::DesignBrief;
 use crate::profile::SectorWeights;
@@ -35,4 +36,15 @@ pub(crate) fn sharpen(sectors: &SectorWeights) -> SectorWeights {
         *weight = smooth * smooth * smooth;
     }
     sharpened
+}
+
+/// Samples the middle of a sector by its sharpened weight, in degrees; `None` if there are no known failures, and sometimes in
+/// order to explore.
+pub(crate) fn sample_sector_deg(sectors: &SectorWeights, rng: &mut KeyedRng) -> Option<f64> {
+    let is_known = sectors.iter().sum::<f64>() > 0.0;
+    if !is_known || rng.bernoulli(EXPLORATION) {
+        return None;
+    }
+    let sector = rng.weighted_index(&sharpen(sectors))?;
+    Some(sector as f64 * 360.0 / f64::from(PROFILE_SECTORS))
 }

@@ -12,6 +12,7 @@ use crate::{docking, kessler};
 #[must_use]
 pub fn design_language(task: &dyn TaskSpec) -> Option<&'static dyn DesignLanguage> {
     match world_name(task) {
+        "docking" => Some(&docking::DockingLanguage),
         "kessler" => Some(&kessler::KesslerLanguage),
         _ => None,
     }

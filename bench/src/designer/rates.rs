@@ -1,4 +1,4 @@
-//! Speed of the designer: designs compiled and layouts judged, on one thread and on all.
+//! Speed of the designer in kessler: designs compiled and layouts judged, on one thread and on all.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -36,7 +36,8 @@ struct JudgedLayouts {
 
 pub(super) fn measure() -> anyhow::Result<Vec<Row>> {
     let mut rows = Vec::new();
-    for task in env_core::tasks().filter(|task| design_language(*task).is_some()) {
+    // The compiler that is measured is that of kessler.
+    for task in env_core::tasks().filter(|task| task.world().starts_with("kessler@")) {
         let recipe = Recipe::at_level(task, LEVEL as usize)?;
         let brief = DesignBrief::new(Arc::new(recipe), LAYOUTS, 11).at_level(task.levels(), LEVEL);
         let single = design_and_judge(&brief)?;

@@ -137,20 +137,23 @@ fn check_layout(line: &str) -> anyhow::Result<()> {
     let gap = reference - floor;
     let skill = (gap >= env_core::bracket::MIN_GAP).then_some(1.0);
     ensure!(scenario.task().is_success(&replayed, skill), "the reference plan does not succeed");
-    let fuel = scenario.recipe().param("fuel").context("fuel")?
-        * f64::from(scenario.task().agents(scenario.recipe()));
-    ensure!(replayed.fuel_used <= fuel + 1e-9, "the reference plan spends {} of {fuel}", replayed.fuel_used);
+    // Only kessler limits fuel.
+    if let Some(each) = scenario.recipe().param("fuel") {
+        let fuel = each * f64::from(scenario.task().agents(scenario.recipe()));
+        let spent = replayed.fuel_used;
+        ensure!(spent <= fuel + 1e-9, "the reference plan spends {spent} of {fuel}");
+    }
     let mut hold_log = ActionLog::new(scenario.task().action_space().dim(), Precision::F64);
     hold_log.stopped = Some(StopReason::TooLate); // the remaining steps hold
     let held = replay(&scenario, &hold_log)?;
     match layout["kind"].as_str() {
-        Some("threat") => ensure!(held.lost > 0, "holding loses no satellite"),
-        _ => ensure!(held.lost == 0, "holding loses {} satellites", held.lost),
+        Some("threat") => ensure!(held.lost > 0, "holding loses no agent"),
+        _ => ensure!(held.lost == 0, "holding loses {} agents", held.lost),
     }
     check_first_steps(&scenario)
 }
 
-/// Checks that no satellite is lost in the first two steps, before an agent could act.
+/// Checks that no agent is lost in the first two steps, before an agent could act.
 fn check_first_steps(scenario: &Scenario) -> anyhow::Result<()> {
     let mut episode = scenario.task().start(scenario)?;
     let mut report = StepReport::default();
@@ -158,6 +161,6 @@ fn check_first_steps(scenario: &Scenario) -> anyhow::Result<()> {
     for _ in 0..2 {
         episode.step(no_action, &mut report)?;
     }
-    ensure!(episode.outcome().lost == 0, "a satellite is lost before step 3");
+    ensure!(episode.outcome().lost == 0, "an agent is lost before step 3");
     Ok(())
 }

@@ -1,5 +1,6 @@
 //! Output of `--dry-run`: the brief that the designer would receive.
 
+use designer::brief::ParamChoice;
 use designer::procedural::ProceduralDesigner;
 use designer::{DesignBrief, DesignLanguage};
 use serde_json::{Value, json};
@@ -45,8 +46,9 @@ fn json(brief: &DesignBrief, language: &dyn DesignLanguage) -> Value {
 pub(super) fn text_report(brief: &DesignBrief, language: &dyn DesignLanguage) -> Report {
     let mut report = Report::default();
     report.paragraph(heading(brief));
-    if !brief.param_choices.is_empty() {
-        report.separate_table(limits(brief));
+    let choices = language.param_choices(brief);
+    if !choices.is_empty() {
+        report.separate_table(limits(&choices));
     }
     add_profile(&mut report, brief);
     report.separate_table(ideas(brief, language));
@@ -74,9 +76,9 @@ fn heading(brief: &DesignBrief) -> String {
     text
 }
 
-fn limits(brief: &DesignBrief) -> TextTable {
+fn limits(choices: &[&ParamChoice]) -> TextTable {
     let mut table = TextTable::new([Column::text("param"), Column::prose("allowed values")]);
-    for limit in &brief.param_choices {
+    for limit in choices {
         let values = limit.values.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
         table.add_row([limit.param.clone(), values]);
     }
@@ -88,7 +90,7 @@ fn add_profile(report: &mut Report, brief: &DesignBrief) {
     let profile = &brief.profile;
     let all = profile.total_weight();
     if all <= 0.0 {
-        report.paragraph("There are no failures to design for: debris comes from all directions.");
+        report.paragraph("There are no failures to design for: aims and directions vary.");
         return;
     }
     let mut table = TextTable::new([
@@ -128,7 +130,8 @@ fn heaviest_sectors(rose: &[f64]) -> String {
 }
 
 fn ideas(brief: &DesignBrief, language: &dyn DesignLanguage) -> TextTable {
-    let mut table = TextTable::new([Column::text("first ideas aim at"), Column::number("encounters")]);
+    let mut table =
+        TextTable::new([Column::text("first ideas aim at"), Column::number("encounters or deputies")]);
     for idea in ProceduralDesigner::preview(brief, language, brief.count) {
         if let Some(listing) = language.table(&idea) {
             table.add_row([listing.aim, listing.rows.len().to_string()]);

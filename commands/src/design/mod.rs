@@ -35,13 +35,13 @@ use super::output::{self, JsonFlag};
 
 /// Design solvable layouts that defeat an agent, and check them at the gate.
 ///
-/// A layout places bodies explicitly: debris that meets satellites with the bearings and speeds of the agent's failures. The
-/// failures are read from a run on a server (--run) or from a saved response of GET /v1/runs/{run}/failure_profiles (--profile).
-/// Without either, debris comes from all directions.
+/// A layout places bodies explicitly, with the bearings and speeds of the agent's failures: debris that meets satellites
+/// (kessler), or starts of deputies (docking). The failures are read from a run on a server (--run) or from a saved response of
+/// GET /v1/runs/{run}/failure_profiles (--profile). Without either, aims and directions vary.
 ///
 /// The gate admits a layout if its numbers are within bounds, its bodies are physically possible, it does what its design
-/// aims at, and nothing collides before an agent can act. For a threat, the reference planner must succeed within fuel and
-/// the blind plans must fail. For a decoy, holding must succeed while an agent that dodges every near body wastes fuel. A
+/// aims at, and nothing collides before an agent can act. For a threat, the reference planner must succeed and the blind plans
+/// must fail. For a decoy, holding must succeed while an agent that dodges every near body wastes fuel. A
 /// layout must also differ from the others of the same call and from the newest ones of the run. Each refused layout is
 /// listed with its reason.
 ///
@@ -108,8 +108,9 @@ const AFTER_HELP: &str = "\
 Exit codes: 0 at least one layout was admitted (--layouts: all were admitted); 1 no layout was admitted (--layouts: at least \
 one was refused); 2 bad input.
 
-Refusals count encounters from 0: encounters.2.step is the step of the third encounter. A bearing is the direction of the \
-debris seen from the satellite, five steps before the encounter; docs/reference/design-language.md explains the design language with pictures.
+Refusals count encounters and deputies from 0: encounters.2.step is the step of the third encounter. \
+docs/reference/design-language.md (kessler) and docs/reference/design-language-docking.md explain the design languages with \
+pictures.
 
 A file of layouts is JSON: {\"layouts\": [{\"name\": \"from below\", \"scenario\": {\"task\": \"kessler/survival\", \"params\": \
 {\"debris\": 0, \"fuel\": 20}, \"seed\": 5, \"layout\": {\"mode\": \"extend\", \"bodies\": {\"debris\": [[15, -85.9, 2.3, \

@@ -136,6 +136,8 @@ fn admitted_layouts_are_read_back() {
         ("kessler/rendezvous", "6", "rogue"),
         ("kessler/rendezvous", "3", "rogue"), // rogues come from level 4 on: its own param says none
         ("kessler/formation", "5", "collision"),
+        ("docking/single", "5", "crash"),
+        ("docking/multiagent", "4", "collision"),
     ] {
         let mode = json!({"mode": mode, "count": 9, "weight": 9.0, "cells": [met]});
         let profile = file(&json!({"task": task, "criticised": 20, "modes": [mode]}).to_string());
@@ -211,7 +213,7 @@ fn a_profile_decides_the_task_unless_one_is_named() {
     assert_eq!(blank.recipe.to_json()["physics"]["contact"], "swept");
 }
 
-/// The exit code is 1 if one layout of a file is refused. Layouts of worlds without a language are judged as threats.
+/// The exit code is 1 if one layout of a file is refused. Layouts without a design are judged as threats.
 #[test]
 fn files_of_any_world_pass_the_gate() {
     let scenario = |value: Value| Scenario::from_json(&value).unwrap().to_json();

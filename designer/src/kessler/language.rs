@@ -20,7 +20,7 @@ use crate::untrusted_text::identifier;
 #[derive(Debug, Clone, Copy)]
 pub struct KesslerLanguage;
 
-/// Texts of the prompts.
+/// Texts of the world's prompts.
 const PROMPT: PromptTexts = PromptTexts {
     version: "kessler-2",
     system: include_str!("../../prompts/kessler-2/system.md"),
@@ -28,7 +28,7 @@ const PROMPT: PromptTexts = PromptTexts {
     profile_columns: "bearing in degrees (frame radial_in_track, sectors of 30) | relative speed | steps left to act",
 };
 
-/// Words of refusals.
+/// Words of the world in refusals.
 const WORDS: RefusalWords = RefusalWords {
     agents: "satellites",
     harmless: "no satellite is lost if no satellite burns; add a threat that hits",

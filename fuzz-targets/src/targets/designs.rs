@@ -14,6 +14,7 @@ use crate::target::{Target, json_seeds, with_json, with_text};
 
 pub(super) const TARGETS: &[Target] = &[
     Target::new("design", design, design_seeds),
+    Target::new("design_docking", design_docking, docking_seeds),
     Target::new("design_answer", design_answer, answer_seeds),
     Target::new("failure_profile", failure_profile, profile_seeds),
     Target::new("layout_file", layout_file, layout_seeds),
@@ -22,40 +23,59 @@ pub(super) const TARGETS: &[Target] = &[
 /// Largest number of designs that a test accepts of an answer.
 const MAX_DESIGNS: usize = 3;
 
-/// Language of the first world, with a brief for its first task.
+/// Language of a world, with a brief for one of its tasks.
 struct BriefedLanguage {
     language: &'static dyn DesignLanguage,
     brief: DesignBrief,
 }
 
-fn briefed_language() -> &'static BriefedLanguage {
-    static BRIEFED: LazyLock<BriefedLanguage> = LazyLock::new(|| {
-        let task = env_core::task("kessler/survival").expect("the task exists");
+impl BriefedLanguage {
+    fn of(task: &str) -> Self {
+        let task = env_core::task(task).expect("the task exists");
         let recipe = Recipe::at_level(task, 2).expect("the task has levels");
         let brief = DesignBrief::new(Arc::new(recipe), 1, 7).at_level(task.levels(), 2);
-        BriefedLanguage { language: design_language(task).expect("the world can be designed for"), brief }
-    });
+        Self { language: design_language(task).expect("the world can be designed for"), brief }
+    }
+
+    /// The canonical form of a design parses to itself.
+    fn accepts(&self, bytes: &[u8]) -> bool {
+        with_json(bytes, |value| {
+            let Self { language, brief } = self;
+            match language.parse(&value, brief) {
+                Ok(canonical) => {
+                    let again = language.parse(&canonical, brief).expect("a canonical design is valid");
+                    assert_eq!(again, canonical, "the canonical form differs");
+                    assert!(language.distance(&canonical, &canonical) == 0.0, "a design differs from itself");
+                    true
+                }
+                Err(error) => {
+                    let length = error.to_string().len();
+                    assert!(length < 4096, "the error has {length} bytes");
+                    false
+                }
+            }
+        })
+    }
+}
+
+/// Language of kessler, with a brief.
+fn briefed_language() -> &'static BriefedLanguage {
+    static BRIEFED: LazyLock<BriefedLanguage> = LazyLock::new(|| BriefedLanguage::of("kessler/survival"));
     &BRIEFED
 }
 
-/// The canonical form of a design parses to itself.
+/// Language of docking, with a brief.
+fn docking_language() -> &'static BriefedLanguage {
+    static BRIEFED: LazyLock<BriefedLanguage> = LazyLock::new(|| BriefedLanguage::of("docking/multiagent"));
+    &BRIEFED
+}
+
 fn design(bytes: &[u8]) -> bool {
-    with_json(bytes, |value| {
-        let BriefedLanguage { language, brief } = briefed_language();
-        match language.parse(&value, brief) {
-            Ok(canonical) => {
-                let again = language.parse(&canonical, brief).expect("a canonical design is valid");
-                assert_eq!(again, canonical, "the canonical form differs");
-                assert!(language.distance(&canonical, &canonical) == 0.0, "a design differs from itself");
-                true
-            }
-            Err(error) => {
-                let length = error.to_string().len();
-                assert!(length < 4096, "the error has {length} bytes");
-                false
-            }
-        }
-    })
+    briefed_language().accepts(bytes)
+}
+
+fn design_docking(bytes: &[u8]) -> bool {
+    docking_language().accepts(bytes)
 }
 
 /// An answer has at most as many designs as were requested.
@@ -131,6 +151,20 @@ fn design_seeds() -> Vec<Vec<u8>> {
     let seeds = json_seeds(designs());
     assert!(!seeds.is_empty(), "no design is valid");
     seeds
+}
+
+fn docking_seeds() -> Vec<Vec<u8>> {
+    let deputy = |azimuth: u32, closing: i32| {
+        json!({"distance": 900, "azimuth_deg": azimuth, "elevation_deg": -10, "closing_speed": closing, "cross_speed": 20,
+               "cross_deg": 90})
+    };
+    let design = |mode: &str, deputies: &[Value]| json!({"name": "one", "aim": {"mode": mode, "bearing_deg": 190}, "params": {"time_limit_s": 1500}, "deputies": deputies});
+    let BriefedLanguage { language, brief } = docking_language();
+    let mut designs =
+        vec![design("crash", &[deputy(10, 120)]), design("collision", &[deputy(80, 40), deputy(120, 40)])];
+    designs.retain(|design| language.parse(design, brief).is_ok());
+    assert_eq!(designs.len(), 2, "a design is invalid");
+    json_seeds(designs)
 }
 
 fn answer_seeds() -> Vec<Vec<u8>> {

@@ -9,7 +9,7 @@ use crate::design_language::{LayoutKind, LayoutView};
 use crate::kessler::aim::has_threat;
 use crate::kessler::table::{aim_text, encounter_row, frame_text};
 use crate::kessler::vocabulary::{EncounterKind, frame_spec};
-use crate::picture_parts::{self, AIM_COLOUR, Legend};
+use crate::picture_parts::{self, AIM_COLOUR, Legend, TitlePage};
 use crate::svg::{Arrow, DIM, GRID, Point, Stroke, SvgCanvas, TEXT, TextAnchor, TextStyle};
 
 /// Draws the name, the kind and aim, and the scenario with its scores.
@@ -32,10 +32,11 @@ pub(super) fn draw_title(canvas: &mut SvgCanvas, layout: LayoutView<'_>, scene: 
         is_shown.then(|| format!("{} {value}", spec.name.replace('_', " ")))
     });
     let params: Vec<String> = params.collect();
-    picture_parts::draw_title(canvas, layout, &subtitle, &params, (MARGIN, WIDTH - 2.0 * MARGIN));
+    let page = TitlePage { left: MARGIN, width: WIDTH - 2.0 * MARGIN };
+    picture_parts::draw_title(canvas, layout, &subtitle, &params, page);
 }
 
-/// Legend of kessler.
+/// Legend of a picture of kessler.
 struct KesslerLegend<'a>(Legend<'a>);
 
 impl KesslerLegend<'_> {

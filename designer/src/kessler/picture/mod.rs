@@ -5,7 +5,6 @@
 
 mod captions;
 mod inset;
-mod labels;
 mod orbit_map;
 mod scene;
 mod style;

@@ -3,11 +3,11 @@
 use env_core::kessler::constants::{EARTH_RADIUS, HORIZON, SATELLITES};
 use env_core::kessler::kernel::Body;
 
-use super::labels::LabelPlacer;
 use super::scene::{Burn, Pass, Scene};
 use super::style::{BURN_COLOUR, SATELLITE_COLOURS, draw_star, kind_colour};
 use crate::kessler::aim::AIM_TOLERANCE_DEG;
 use crate::kessler::design::Design;
+use crate::label_placer::LabelPlacer;
 use crate::picture_parts::{AIM_COLOUR, SPACE_COLOUR};
 use crate::svg::{
     Arrow, BACKGROUND, DIM, GRID, Point, Stroke, SvgCanvas, TEXT, TextAnchor, TextStyle, format_number,

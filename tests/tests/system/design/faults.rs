@@ -100,7 +100,7 @@ async fn interrupted_design_request_fails_and_the_next_one_runs() {
 }
 
 /// Runs and bodies of invalid `POST …/designs` requests.
-const INVALID_REQUESTS: [(&str, &str); 13] = [
+const INVALID_REQUESTS: [(&str, &str); 12] = [
     ("run", "{}"),
     ("run", "[]"),
     ("run", r#"{"count": 0, "designer": "auto"}"#),
@@ -112,7 +112,6 @@ const INVALID_REQUESTS: [(&str, &str); 13] = [
     ("run", r#"{"designer": "auto", "task": "kessler/rendezvous"}"#),
     ("run", r#"{"layouts": 3}"#),
     ("run", r#"{"count": 1, "count": 2}"#),
-    ("docks", r#"{"count": 1}"#),
     ("unknown", r#"{"count": 1}"#),
 ];
 
@@ -143,8 +142,6 @@ async fn invalid_bodies_and_queries_are_rejected() {
     let server = Server::start().await;
     let api = server.api();
     create(&api, json!({"designer": "off"})).await;
-    let docking = json!({"id": "docks", "seed": 1, "tasks": ["docking/single"]});
-    let _ = api.post("/v1/runs", docking).await.expect(201);
     let mut problems = Vec::new();
     let mut record = |title: String, response: system_tests::ApiResponse| {
         assert_eq!(response.content_type, "application/problem+json", "{title}");

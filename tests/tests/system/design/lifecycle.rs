@@ -110,6 +110,7 @@ async fn assert_layouts_are_published(api: &ApiClient, stock: &[String]) {
         assert_eq!(layout["reference_outcome"]["score"], layout["bracket"]["reference"]);
         let design = api.get(&format!("/v1/runs/run/designs/{id}")).await.expect(200);
         assert_eq!(design["design"], layout["design"]);
+        assert_eq!(design["table"]["header"][1], "satellite");
         assert_eq!(design["design"]["aim"]["mode"], design["aim"]["mode"]);
         assert_eq!(design["transitions"][0]["state"], "active");
         let request = design["request"].as_str().unwrap();
@@ -320,8 +321,6 @@ async fn nothing_is_designed_if_designs_are_off() {
         });
         let _ = api.post("/v1/runs", settings).await.expect(201);
     }
-    let docking = json!({"id": "docks", "seed": 1, "tasks": ["docking/single"]});
-    let _ = api.post("/v1/runs", docking).await.expect(201);
     report_losses_of(&api, "none").await;
     report_losses_of(&api, "off").await;
     // The worker checks the runs in the order of their ids: when it has made a request for the last one, it has checked all.
@@ -334,7 +333,7 @@ async fn nothing_is_designed_if_designs_are_off() {
         page["requests"].as_array().is_some_and(|requests| !requests.is_empty())
     })
     .await;
-    for id in ["none", "off", "docks"] {
+    for id in ["none", "off"] {
         let page = api.get(&format!("/v1/runs/{id}/designs/requests")).await.expect(200);
         assert_eq!(page["requests"], json!([]), "{id}");
         let summary = api.get(&format!("/v1/runs/{id}/designs/statistics")).await.expect(200);

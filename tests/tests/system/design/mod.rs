@@ -1,6 +1,7 @@
 //! Designs: requests, layouts, their lifecycle and faults of designers. This file has the helpers of these tests.
 
 mod command;
+mod docking;
 mod faults;
 mod lifecycle;
 mod llm_designer;

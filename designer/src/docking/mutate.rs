@@ -1,4 +1,4 @@
-//! Mutations of docking's scenarios. There is no design language for docking, so that it has no designers.
+//! Mutates scenarios: changes of the deputies, and of the params that act on existing ones.
 
 use std::collections::BTreeMap;
 
@@ -9,6 +9,7 @@ use env_core::episode_rng::SeededRng;
 use env_core::task::LayoutMode;
 use env_core::{KeyedRng, Layout, Recipe, Scenario};
 
+use super::vocabulary::effective_choices;
 use crate::brief::DesignBrief;
 use crate::mutation::{Mutation, adjacent_value};
 
@@ -98,8 +99,7 @@ fn change_param(
     brief: &DesignBrief,
     rng: &mut KeyedRng,
 ) -> Option<()> {
-    let has_effect = |param: &str| matches!(param, "time_limit_s" | "thrust_bound");
-    let choices: Vec<_> = brief.param_choices.iter().filter(|choice| has_effect(&choice.param)).collect();
+    let choices = effective_choices(brief);
     let count = u32::try_from(choices.len()).ok().filter(|count| *count > 0)?;
     let choice = choices[rng.below(count) as usize];
     let value = adjacent_value(recipe, choice, rng)?;

@@ -8,7 +8,7 @@ const RINGS: u32 = 8;
 const DIRECTIONS: u32 = 16;
 
 /// Free space for labels in a rectangle of the page.
-pub(super) struct LabelPlacer {
+pub(crate) struct LabelPlacer {
     corner: Point,
     size: Point,
     taken: Vec<Rectangle>,
@@ -30,18 +30,18 @@ impl Rectangle {
 
 impl LabelPlacer {
     /// Creates a placer for a rectangle without obstacles.
-    pub(super) const fn new(corner: Point, size: Point) -> Self {
+    pub(crate) const fn new(corner: Point, size: Point) -> Self {
         Self { corner, size, taken: Vec::new() }
     }
 
     /// Keeps the surroundings of a point free of labels.
-    pub(super) fn avoid(&mut self, (x, y): Point, radius: f64) {
+    pub(crate) fn avoid(&mut self, (x, y): Point, radius: f64) {
         let (left, top, right, bottom) = (x - radius, y - radius, x + radius, y + radius);
         self.taken.push(Rectangle { left, top, right, bottom });
     }
 
     /// Places a label near a point, with as little overlap as possible. Returns its top left corner.
-    pub(super) fn place(&mut self, point: Point, size: Point) -> Point {
+    pub(crate) fn place(&mut self, point: Point, size: Point) -> Point {
         let mut best = (f64::MAX, point);
         for ring in 0..RINGS {
             let radius = 14.0 + 11.0 * f64::from(ring);
