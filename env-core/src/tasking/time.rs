@@ -99,6 +99,32 @@ impl Epoch {
         matches!(zone, "(UTC)" | "UTC").then_some(epoch)
     }
 
+    /// Creates the epoch of a day of a year, counted from 1, and a time of the day, s. Days beyond the year's end are those of the next one.
+    #[must_use]
+    pub fn of_day(mut year: i32, day: u32, second_of_day: f64) -> Self {
+        let (mut month, mut day) = (1, day.max(1));
+        while day > days_of_month(year, month) {
+            day -= days_of_month(year, month);
+            (year, month) = if month == 12 { (year + 1, 1) } else { (year, month + 1) };
+        }
+        let seconds = second_of_day.clamp(0.0, 86_399.999_999);
+        let minutes = (seconds / 60.0) as u32;
+        let second = seconds - f64::from(minutes) * 60.0;
+        Self { year, month, day, hour: minutes / 60, minute: minutes % 60, second }
+    }
+
+    /// Day of the year, counted from 1.
+    #[must_use]
+    pub fn day_of_year(&self) -> u32 {
+        (1..self.month).map(|month| days_of_month(self.year, month)).sum::<u32>() + self.day
+    }
+
+    /// Time since the day began, s.
+    #[must_use]
+    pub fn second_of_day(&self) -> f64 {
+        f64::from(self.hour) * 3600.0 + f64::from(self.minute) * 60.0 + self.second
+    }
+
     fn is_valid(&self) -> bool {
         (FIRST_YEAR..=LAST_YEAR).contains(&self.year)
             && (1..=days_of_month(self.year, self.month)).contains(&self.day)
@@ -185,6 +211,23 @@ mod tests {
             ("2017 JAN 01 00:00:00", 536_500_869.2),
         ] {
             assert!((Epoch::parse(text).unwrap().tdb_s() - expected).abs() < 0.1, "{text}");
+        }
+    }
+
+    #[test]
+    fn days_of_a_year_become_dates_and_back() {
+        for (year, day, text) in [
+            (2004, 1, "2004 JAN 01"),
+            (2004, 60, "2004 FEB 29"),
+            (2005, 60, "2005 MAR 01"),
+            (2005, 365, "2005 DEC 31"),
+            (2005, 366, "2006 JAN 01"),
+        ] {
+            let epoch = Epoch::of_day(year, day, 5.0 * 3600.0 + 21.0 * 60.0 + 9.25);
+            assert_eq!(epoch.to_string(), format!("{text} 05:21:09.250 (UTC)"));
+            if epoch.year == year {
+                assert_eq!((epoch.day_of_year(), epoch.second_of_day()), (day, 19_269.25));
+            }
         }
     }
 

@@ -11,7 +11,7 @@ use crate::tasking::setup::environment::{Communicator, Links};
 /// Altitude of the orbit, m.
 const ALTITUDE_M: f64 = 800e3;
 /// Inclination of the orbit, degrees.
-const INCLINATION_DEG: f64 = 60.0;
+pub(super) const INCLINATION_DEG: f64 = 60.0;
 
 /// Params of a constellation.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -53,6 +53,15 @@ impl TaskingEnvironment {
         }
     }
 
+    /// Inclination of the orbits, degrees.
+    #[must_use]
+    pub const fn inclination_deg(&self) -> f64 {
+        match self {
+            Self::Scanning(_) | Self::Imaging(_) => draws::RANDOM_INCLINATION_DEG,
+            Self::Constellation(_) => constellation::INCLINATION_DEG,
+        }
+    }
+
     /// The environment of a task's id, with its default params.
     #[must_use]
     pub fn from_id(id: &str) -> Option<Self> {

@@ -7,7 +7,7 @@ use crate::scene::Point;
 const JSON: &str = include_str!("../data/coastline.json");
 
 /// Lines of longitude and latitude, degrees.
-pub(super) static COASTLINE: LazyLock<Vec<Vec<Point>>> = LazyLock::new(|| {
+pub static COASTLINE: LazyLock<Vec<Vec<Point>>> = LazyLock::new(|| {
     let lines: Vec<Vec<i32>> = serde_json::from_str(JSON).unwrap_or_default();
     let degrees = |tenths: &[i32; 2]| (f64::from(tenths[0]) / 10.0, f64::from(tenths[1]) / 10.0);
     let is_joined = |a: &Point, b: &Point| (a.0 - b.0).abs() <= 180.0;

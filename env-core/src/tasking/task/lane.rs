@@ -35,7 +35,7 @@ pub(super) fn create_batch(
     let first = source.scenario(0, 0);
     let refused = |source| BatchError::Scenario { env: 0, source };
     let setup = read_setup(task.id(), first.recipe()).map_err(refused)?;
-    let run = TaskRun::start(setup, first.seed()).map_err(refused)?;
+    let run = TaskRun::start(setup.clone(), first.seed()).map_err(refused)?;
     let has_more = task.params().iter().any(|param| param.name == "satellites");
     let largest = if has_more { MAX_SATELLITES } else { 1 };
     let agents = source.single_recipe().map_or(largest, |_| setup.satellites());
@@ -45,7 +45,7 @@ pub(super) fn create_batch(
         BatchShape { envs: config.envs, agents, action: actions.dim(), observation: agents * columns.len() };
     let lane = || TaskingLane {
         task: task.id(),
-        setup,
+        setup: setup.clone(),
         recipe: Arc::clone(first.recipe()),
         run: run.clone(),
         agents,
@@ -119,7 +119,7 @@ impl BatchLane for TaskingLane {
             self.setup = setup;
             self.recipe = Arc::clone(recipe);
         }
-        self.run = TaskRun::start(self.setup, scenario.seed())?;
+        self.run = TaskRun::start(self.setup.clone(), scenario.seed())?;
         Ok(())
     }
 

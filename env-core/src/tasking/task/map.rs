@@ -91,7 +91,7 @@ impl EpisodeMap {
 }
 
 impl MapObjects {
-    fn new(sim: &TaskingSim) -> Self {
+    pub(super) fn new(sim: &TaskingSim) -> Self {
         let orbit_radius = norm(&sim.satellite(0).state.position);
         let stations = sim.stations().iter().map(|station| {
             let (longitude, latitude) = place(&station.position);

@@ -4,11 +4,14 @@
 
 mod blind;
 mod bracket;
-mod coastline;
+pub mod coastline;
 mod codec;
 mod critique;
+mod drawn_start;
 mod episode;
+pub mod forecast;
 mod lane;
+pub mod layout;
 pub mod map;
 pub mod motion;
 mod planner;

@@ -93,7 +93,7 @@ impl TaskRun {
     /// A copy of the episode with one of its satellites only, for whose actions the others do not matter.
     pub(super) fn only(&self, agent: usize) -> Self {
         Self {
-            setup: self.setup,
+            setup: self.setup.clone(),
             sim: self.sim.only(agent),
             value_in_view: self.value_in_view,
             dead: vec![self.dead[agent]],

@@ -1,5 +1,8 @@
 //! A recipe as the settings of an episode.
 
+use std::sync::Arc;
+
+use super::layout::TaskingLayout;
 use crate::episode_rng::SeededRng;
 use crate::error::ScenarioError;
 use crate::space::START_SCALE;
@@ -8,7 +11,6 @@ use crate::tasking::environments::{ConstellationParams, ImagingParams, ScanningP
 use crate::tasking::orbit::GravityModel;
 use crate::tasking::setup::Setup;
 use crate::tasking::setup::environment::{Links, SatelliteClass};
-use crate::text::{MAX_QUOTED_CHARS, shorten};
 
 /// Largest number of satellites of a task.
 pub(super) const MAX_SATELLITES: usize = 8;
@@ -18,7 +20,7 @@ const M_PER_KM: f64 = 1000.0;
 const MIN_SCALED_TIME_S: f64 = 600.0;
 
 /// Settings of an episode, read from a recipe.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct TaskSetup {
     environment: TaskingEnvironment,
     gravity: GravityModel,
@@ -27,20 +29,16 @@ pub(super) struct TaskSetup {
     link_range_m: Option<f64>,
     /// True if satellites that are busy accept actions.
     pub(super) retasks_busy: bool,
+    /// Parts of the start that are given instead of drawn.
+    layout: Option<Arc<TaskingLayout>>,
 }
 
 impl TaskSetup {
     /// Reads a recipe of one of the tasks.
     ///
     /// # Errors
-    /// Returns an error if params contradict each other, or the recipe has a layout.
+    /// Returns an error if params contradict each other, or the layout is invalid.
     pub(super) fn read(recipe: &Recipe) -> Result<Self, ScenarioError> {
-        if let Some(table) = recipe.layout().and_then(|layout| layout.bodies.keys().next()) {
-            return Err(ScenarioError::UnknownField {
-                field: format!("layout.bodies.{}", shorten(table, MAX_QUOTED_CHARS)),
-                known: String::new(),
-            });
-        }
         let params = Params(recipe);
         let (low, high) = (params.get("charge_min"), params.get("charge_max"));
         if low > high {
@@ -58,7 +56,18 @@ impl TaskSetup {
             full_thrust: option("thrusters") == Some("full"),
             link_range_m: recipe.param("link_km").map(|km| km * M_PER_KM),
             retasks_busy: option("retasking") == Some("any"),
+            layout: TaskingLayout::of_recipe(recipe)?.map(Arc::new),
         })
+    }
+
+    /// Replaces the layout of the recipe.
+    pub(super) fn with_layout(self, layout: TaskingLayout) -> Self {
+        Self { layout: Some(Arc::new(layout)), ..self }
+    }
+
+    /// Number of targets of the layout.
+    pub(super) fn placed_targets(&self) -> usize {
+        self.layout.as_ref().and_then(|layout| layout.targets.as_ref()).map_or(0, Vec::len)
     }
 
     /// Number of satellites of an episode.
@@ -69,10 +78,13 @@ impl TaskSetup {
         }
     }
 
-    /// Draws a scenario. Opportunities are computed to the time limit at the start and never again: in BSK-RL observations compute
+    /// Draws a scenario, and replaces the parts that the layout gives. Opportunities are computed to the time limit at the start and never again: in BSK-RL observations compute
     /// more of them, which changes when windows close.
     pub(super) fn draw(&self, rng: &mut SeededRng) -> Setup {
         let mut setup = self.environment.setup(rng);
+        if let Some(layout) = &self.layout {
+            layout.apply(&mut setup);
+        }
         for agent in &mut setup.agents {
             if let SatelliteClass::Access(times) | SatelliteClass::Imaging(times) = &mut agent.class {
                 times.max_beyond_s = 0.0;

@@ -192,7 +192,7 @@ fn targets_can_be_cities() {
 }
 
 #[test]
-fn levels_are_valid_and_layouts_are_refused() {
+fn levels_are_valid() {
     for task in tasks() {
         for level in 0..task.levels().len() {
             assert!(Recipe::at_level(task, level).is_ok(), "{} {level}", task.id());
@@ -210,7 +210,8 @@ fn observations_do_not_depend_on_earlier_ones() {
         for seed in 0..4 {
             let scenario = scenario(task, 5, seed);
             let setup = TaskSetup::read(scenario.recipe()).unwrap();
-            let [mut seldom, mut often] = [(); 2].map(|()| TaskRun::start(setup, scenario.seed()).unwrap());
+            let [mut seldom, mut often] =
+                [(); 2].map(|()| TaskRun::start(setup.clone(), scenario.seed()).unwrap());
             let agents = seldom.sim.len();
             let (mut memory, width) = (Vec::new(), seldom.sim.observation_columns(0).len());
             let mut observe = |run: &mut TaskRun| {

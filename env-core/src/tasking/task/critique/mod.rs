@@ -33,7 +33,7 @@ use self::death::{Rescue, other_death};
 use self::finding::{Finding, keep_largest};
 use self::fork::{ForkResult, run_forks};
 use self::low_value::Alternative;
-pub(super) use self::orbit_angle::ORBIT_ANGLE;
+pub(super) use self::orbit_angle::{ORBIT_ANGLE, orbit_angle_deg};
 use self::trace::TaskingTrace;
 use super::bracket;
 use crate::critique::{Critique, FailureModeSpec};

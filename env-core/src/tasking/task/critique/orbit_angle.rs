@@ -12,7 +12,11 @@ pub(in crate::tasking::task) const ORBIT_ANGLE: SectorQuantity = SectorQuantity 
 
 /// Orbit angle of a satellite, degrees in [0, 360): from the direction of the Sun in the plane of the orbit, in the direction of
 /// motion. `position` and `velocity` are inertial, `sun` is the Sun's position relative to the Earth. Only directions matter.
-pub(super) fn orbit_angle_deg(position: &Vector3<f64>, velocity: &Vector3<f64>, sun: &Vector3<f64>) -> f64 {
+pub(in crate::tasking::task) fn orbit_angle_deg(
+    position: &Vector3<f64>,
+    velocity: &Vector3<f64>,
+    sun: &Vector3<f64>,
+) -> f64 {
     let normal = cross(position, velocity);
     let square = dot(&normal, &normal);
     if square <= 0.0 {

@@ -28,6 +28,7 @@ mod tests;
 mod threshold_rules;
 
 use self::flight::{FlightResult, Pilot, fly_all};
+pub(super) use self::slew_time::SlewTime;
 use super::run::TaskRun;
 
 /// Version of the planner. A change that alters any bracket increments it.

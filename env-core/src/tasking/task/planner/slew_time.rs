@@ -25,19 +25,19 @@ const ENERGY: [f64; 3] = [210.0, 4.0, 1.3];
 
 /// Slews of one satellite.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct SlewTime {
+pub(in crate::tasking::task) struct SlewTime {
     first_s: f64,
 }
 
 impl SlewTime {
-    pub(super) fn new(args: &SatelliteArgs) -> Self {
+    pub(in crate::tasking::task) fn new(args: &SatelliteArgs) -> Self {
         let tolerance = PER_TOLERANCE_S * libm::log(TOLERANCE / args.attitude_tolerance);
         let torque = PER_INVERSE_TORQUE_S * (1.0 / args.u_max_n_m - INVERSE_TORQUE);
         Self { first_s: FIRST_S + tolerance + torque }
     }
 
     /// Time from the command to the image, s, of a target at this angle from the boresight, degrees.
-    pub(super) fn seconds(&self, angle_deg: f64) -> f64 {
+    pub(in crate::tasking::task) fn seconds(&self, angle_deg: f64) -> f64 {
         (self.first_s + PER_DEGREE_S * angle_deg).max(MIN_S)
     }
 
