@@ -5,7 +5,8 @@
 //!
 //! - [`procedural`] samples layouts from the failure profile and edits successful ones, [`llm_designer`] asks a language
 //!   model, [`replay`] reads layouts from a file.
-//! - [`DesignLanguage`] is the interface of a world whose layouts can be designed; [`docking`] and [`kessler`] implement it.
+//! - [`DesignLanguage`] is the interface of a world whose layouts can be designed; [`docking`], [`kessler`] and [`tasking`]
+//!   implement it.
 //! - [`mutate`] edits scenarios for a curriculum, without a designer.
 //! - `registry` maps tasks to worlds, and is the only file that names all worlds.
 //!
@@ -33,6 +34,7 @@ mod registry;
 pub mod replay;
 mod schema_forms;
 pub mod svg;
+pub mod tasking;
 mod untrusted_text;
 
 pub use self::brief::DesignBrief;

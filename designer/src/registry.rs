@@ -6,7 +6,7 @@ use serde_json::json;
 use crate::brief::DesignBrief;
 use crate::design_language::{DesignLanguage, LayoutView};
 use crate::mutation::Mutation;
-use crate::{docking, kessler};
+use crate::{docking, kessler, tasking};
 
 /// Returns the design language of a task's world; `None` if the world cannot be designed for.
 #[must_use]
@@ -14,6 +14,7 @@ pub fn design_language(task: &dyn TaskSpec) -> Option<&'static dyn DesignLanguag
     match world_name(task) {
         "docking" => Some(&docking::DockingLanguage),
         "kessler" => Some(&kessler::KesslerLanguage),
+        "tasking" => Some(&tasking::TaskingLanguage),
         _ => None,
     }
 }
@@ -34,6 +35,7 @@ pub fn mutate(parent: &Scenario, brief: &DesignBrief, rng: &mut KeyedRng) -> Opt
     let mutation = match world_name(parent.task()) {
         "kessler" => kessler::mutate(parent, brief, rng),
         "docking" => docking::mutate(parent, brief, rng),
+        "tasking" => tasking::mutate(parent, brief, rng),
         _ => None,
     }?;
     let mut layout = mutation.scenario.recipe().layout()?.clone();

@@ -36,7 +36,7 @@ struct JudgedLayouts {
 
 pub(super) fn measure() -> anyhow::Result<Vec<Row>> {
     let mut rows = Vec::new();
-    // The compiler that is measured is that of kessler.
+    // The goals are those of kessler, whose compiler needs no simulation.
     for task in env_core::tasks().filter(|task| task.world().starts_with("kessler@")) {
         let recipe = Recipe::at_level(task, LEVEL as usize)?;
         let brief = DesignBrief::new(Arc::new(recipe), LAYOUTS, 11).at_level(task.levels(), LEVEL);

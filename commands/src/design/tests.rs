@@ -246,7 +246,6 @@ fn bad_input_is_one_sentence_that_names_the_flag() {
         fault(&["--profile", path(&none)]).replace(path(&none), "FILE"),
         fault(&["--profile", sane, "--task", "kessler/rendezvous"]).replace(sane, "FILE"),
         fault(&["--task", "kessler/golf"]),
-        fault(&["--task", "docking/single"]),
         fault(&["--level", "10"]),
         fault(&["--param", "fuel=-1"]),
         fault(&["--param", "golf=1"]),

@@ -15,6 +15,7 @@ use crate::target::{Target, json_seeds, with_json, with_text};
 pub(super) const TARGETS: &[Target] = &[
     Target::new("design", design, design_seeds),
     Target::new("design_docking", design_docking, docking_seeds),
+    Target::new("design_tasking", design_tasking, tasking_seeds),
     Target::new("design_answer", design_answer, answer_seeds),
     Target::new("failure_profile", failure_profile, profile_seeds),
     Target::new("layout_file", layout_file, layout_seeds),
@@ -70,12 +71,22 @@ fn docking_language() -> &'static BriefedLanguage {
     &BRIEFED
 }
 
+/// Language of tasking, with a brief.
+fn tasking_language() -> &'static BriefedLanguage {
+    static BRIEFED: LazyLock<BriefedLanguage> = LazyLock::new(|| BriefedLanguage::of("tasking/imaging"));
+    &BRIEFED
+}
+
 fn design(bytes: &[u8]) -> bool {
     briefed_language().accepts(bytes)
 }
 
 fn design_docking(bytes: &[u8]) -> bool {
     docking_language().accepts(bytes)
+}
+
+fn design_tasking(bytes: &[u8]) -> bool {
+    tasking_language().accepts(bytes)
 }
 
 /// An answer has at most as many designs as were requested.
@@ -162,6 +173,22 @@ fn docking_seeds() -> Vec<Vec<u8>> {
     let BriefedLanguage { language, brief } = docking_language();
     let mut designs =
         vec![design("crash", &[deputy(10, 120)]), design("collision", &[deputy(80, 40), deputy(120, 40)])];
+    designs.retain(|design| language.parse(design, brief).is_ok());
+    assert_eq!(designs.len(), 2, "a design is invalid");
+    json_seeds(designs)
+}
+
+fn tasking_seeds() -> Vec<Vec<u8>> {
+    let start = json!({"day": 172, "utc_minute": 600, "node_hour": 11, "start_angle_deg": 0, "battery_percent": 70,
+        "wheels_percent": 20, "storage_percent": 10});
+    let field = json!({"satellite": 0, "minute": 20, "offset_km": -60, "spread_km": 150, "targets": 30,
+        "priority_low": 10, "priority_high": 95});
+    let design = |mode: &str, fields: &[Value]| {
+        json!({"name": "crowded", "aim": {"mode": mode, "orbit_angle_deg": 74}, "start": start, "outages": [0, 4],
+            "background": false, "fields": fields})
+    };
+    let BriefedLanguage { language, brief } = tasking_language();
+    let mut designs = vec![design("low_value", std::slice::from_ref(&field)), design("power", &[])];
     designs.retain(|design| language.parse(design, brief).is_ok());
     assert_eq!(designs.len(), 2, "a design is invalid");
     json_seeds(designs)

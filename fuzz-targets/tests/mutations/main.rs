@@ -62,7 +62,7 @@ tests! {
     frame session_message columns_json columns_messagepack results reset_request rpc query_words body
     ids words token stored_log stored_bracket compacted_leases stored_columns stored_group
     settings snapshot curriculum_events suite_file
-    design design_docking design_answer failure_profile layout_file
+    design design_docking design_tasking design_answer failure_profile layout_file
     chat_response retry_after json_in_text reply verdict
     arguments bind server_address config event_stream server_message actions_file
     policy_reference reflex_file onnx_file

@@ -7,6 +7,7 @@ mod lifecycle;
 mod llm_designer;
 mod sampled;
 mod scripted_designer;
+mod tasking;
 
 use serde_json::{Value, json};
 use system_tests::{ApiClient, Lease, wait_for};
