@@ -28,7 +28,8 @@ pub struct RunSeries {
     pub from: String,
     /// End of the window, RFC 3339.
     pub to: String,
-    /// Width of a point, seconds: a multiple of 60 in the last week, else of 3 600.
+    /// Width of a point, seconds: a multiple of 60, or of 3 600 if the window starts earlier than a week ago or a point is longer than
+    /// an hour.
     pub width_s: i64,
     /// Tasks with results in the window.
     pub tasks: Vec<TaskSeries>,

@@ -11,7 +11,9 @@ use crate::core::explanation::{Explanation, TaskStatus};
 use crate::core::mastery::{Mastery, MasteryTracker};
 use crate::core::outcome::GroupOutcome;
 use crate::core::proposal::Proposal;
-use crate::core::settings::{Settings, SettingsError, StoredSettings};
+use crate::core::rung_tracker::RungTracker;
+use crate::core::sampler_state::SamplerState;
+use crate::core::settings::{Settings, SettingsError, StoredSettings, TaskPlan};
 use crate::core::slot::{Slot, StalledSlot};
 use crate::core::snapshot::{RestoreError, Snapshot};
 use crate::core::strategy::{BackgroundJob, Strategy, StrategyContext};
@@ -30,6 +32,7 @@ const MAX_SEQ: u64 = i64::MAX as u64;
 pub struct Curriculum {
     strategy: Box<dyn Strategy>,
     mastery: MasteryTracker,
+    rungs: RungTracker,
     settings: Settings,
     run_seed: u64,
     next_seq: u64,
@@ -66,6 +69,7 @@ impl Curriculum {
         Ok(Self {
             strategy: strategies::create(&settings),
             mastery: MasteryTracker::default(),
+            rungs: RungTracker::default(),
             settings,
             run_seed,
             next_seq: 0,
@@ -91,6 +95,7 @@ impl Curriculum {
         Ok(Self {
             strategy: strategies::restore(&settings, snapshot.version, &snapshot.state)?,
             mastery: MasteryTracker::restore(snapshot.mastery),
+            rungs: snapshot.rungs,
             settings,
             run_seed,
             next_seq: snapshot.next_seq,
@@ -107,6 +112,7 @@ impl Curriculum {
             state: self.strategy.snapshot(),
             settings: StoredSettings::from(self.settings.clone()),
             mastery: self.mastery.store(),
+            rungs: self.rungs.clone(),
             since: self.since.clone(),
             next_seq: self.next_seq,
         }
@@ -116,6 +122,7 @@ impl Curriculum {
     pub fn propose(&mut self) -> SequencedProposal {
         let ctx = StrategyContext { settings: &self.settings, run_seed: self.run_seed, seq: self.next_seq };
         let proposal = self.strategy.propose(&ctx);
+        self.rungs.record_draw(&proposal);
         SequencedProposal { seq: self.take_seq(), proposal }
     }
 
@@ -151,6 +158,7 @@ impl Curriculum {
         // A slot keeps its place in the mastery under another strategy: a trainer cannot lose it by a change of the settings.
         self.mastery.observe(outcome);
         let moves = if self.is_relevant(&outcome.task, outcome.level, outcome.proposal) {
+            self.rungs.observe(outcome);
             let ctx =
                 StrategyContext { settings: &self.settings, run_seed: self.run_seed, seq: self.next_seq };
             self.strategy.observe(outcome, &ctx)
@@ -166,6 +174,7 @@ impl Curriculum {
         let tasks: Vec<String> = self.settings.tasks.iter().map(|plan| plan.task.clone()).collect();
         for task in &tasks {
             self.mastery.forget(task);
+            self.rungs.forget(task);
             self.close_epoch(task);
         }
         self.take_seq()
@@ -195,6 +204,7 @@ impl Curriculum {
         let removed = old_tasks.filter(|task| self.settings.task(task).is_none());
         for task in removed.chain(restarted.iter().copied()) {
             self.mastery.forget(task);
+            self.rungs.forget(task);
         }
         self.since.retain(|task, _| self.settings.task(task).is_some());
         let is_other_strategy = old.strategy != self.settings.strategy;
@@ -289,6 +299,20 @@ impl Curriculum {
         self.mastery.mastery(&self.settings)
     }
 
+    /// Sampler of each task: its rungs, the latest draws and successes there, and the probabilities of the next draw.
+    #[must_use]
+    pub fn samplers(&self) -> Vec<SamplerState> {
+        let ctx = StrategyContext { settings: &self.settings, run_seed: self.run_seed, seq: self.next_seq };
+        let explanation = self.explain();
+        let sampler = |plan: &TaskPlan| {
+            let explained = explanation.tasks.iter().find(|task| task.task == plan.task);
+            let position = explained.map_or("", |task| &task.current_state);
+            let outlook = self.strategy.sampler(plan, &ctx);
+            SamplerState::new(plan, self.settings.strategy, outlook, position, self.rungs.task(&plan.task))
+        };
+        self.settings.tasks.iter().map(sampler).collect()
+    }
+
     /// Slots for which at least `min_later` results of later leases wait, at most one for each task and level.
     #[must_use]
     pub fn stalled_slots(&self, min_later: u32) -> Vec<StalledSlot> {
@@ -354,6 +378,7 @@ impl Clone for Curriculum {
         Self {
             strategy: self.strategy.boxed_clone(),
             mastery: self.mastery.clone(),
+            rungs: self.rungs.clone(),
             settings: self.settings.clone(),
             run_seed: self.run_seed,
             next_seq: self.next_seq,

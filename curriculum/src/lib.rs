@@ -40,6 +40,8 @@ pub use self::core::explanation::{BlockProgress, Explanation, MoveThresholds, Ta
 pub use self::core::mastery::{Mastery, StoredMastery};
 pub use self::core::outcome::{GroupOutcome, LearningSignals};
 pub use self::core::proposal::{Proposal, ProposalRole, ScenarioSource};
+pub use self::core::rungs::RungKind;
+pub use self::core::sampler_state::{RungState, SamplerState};
 pub use self::core::scale::difficulty;
 pub use self::core::settings::{
     Hyperparameter, Hyperparameters, Settings, SettingsError, StoredSettings, StoredTaskPlan, StrategyKind,

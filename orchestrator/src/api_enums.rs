@@ -54,4 +54,5 @@ convert_enum!(api::LeaseDisclosure => leases::Disclosure { Lease, Begin });
 convert_enum!(leases::LeaseForm => api::LeaseForm { Groups, Columns });
 convert_enum!(leases::LeaseStatus => api::LeaseStatus { Active, Done, Released, Expired });
 convert_enum!(run_warnings::WarningKind => api::RunWarningKind { RefusedClaim, UnprovenClaim });
+convert_enum!(::curriculum::RungKind => api::RungKind { Start, Level });
 convert_enum!(runs::RunStatus => api::RunStatus { Active, Paused });

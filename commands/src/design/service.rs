@@ -1,7 +1,9 @@
 //! Reads the settings, failures, mastery and layouts of a run from a service.
 
 use anyhow::Context;
-use api_types::{DesignPage, DesignState, Layout, RunMastery, TaskMastery};
+use api_types::{
+    DesignPage, DesignState, Layout, RunMastery, RunSampler, RungKind, TaskMastery, TaskSampler,
+};
 use curriculum::{Settings, TaskPlan};
 use designer::FailureProfile;
 use designer::brief::{LayoutOutcome, LevelMastery, PastLayout};
@@ -53,10 +55,10 @@ pub(super) async fn past_layouts(api: &ApiClient, run: &str, task: &str) -> anyh
     Ok(past)
 }
 
-/// Level to design for: the one that the run is at. A sampler has none; its positions are levels, unless the task has start rungs.
-fn current_level(plan: &TaskPlan, mastery: &TaskMastery) -> u32 {
-    let median = mastery.status.rung_quartiles.map(|[_, median, _]| median as u32);
-    let sampled = median.filter(|_| plan.start_rungs().is_empty());
+/// Level to design for: the one that the run is at. A sampler has none; its positions are levels, unless its rungs are starts.
+fn current_level(plan: &TaskPlan, mastery: &TaskMastery, sampler: Option<&TaskSampler>) -> u32 {
+    let of_levels = sampler.filter(|sampler| sampler.kind == Some(RungKind::Level));
+    let sampled = of_levels.and_then(|sampler| sampler.quartiles).map(|[_, median, _]| median as u32);
     mastery.level.or(mastery.probe_level).or(sampled).unwrap_or(DEFAULT_LEVEL).min(plan.hardest_level())
 }
 
@@ -71,13 +73,15 @@ pub(super) async fn fetch_run(api: &ApiClient, run: &str) -> anyhow::Result<RunS
     let settings: DesignedRun =
         serde_json::from_value(summary.settings).context("the settings of the run")?;
     let mastery: RunMastery = api.get(&format!("/v1/runs/{run}/mastery")).await?;
+    let samplers: RunSampler = api.get(&format!("/v1/runs/{run}/sampler?points=1")).await?;
     let failures = api.get_text(&format!("/v1/runs/{run}/failure_profiles?examples=0")).await?;
     let mut tasks = Vec::new();
     for plan in settings.curriculum.tasks {
         let profile =
             FailureProfile::parse(&failures, Some(&plan.task)).context("the failure profiles of the run")?;
         let mastery = mastery.tasks.iter().find(|mastery| mastery.task == plan.task);
-        let level = mastery.map(|known| current_level(&plan, known));
+        let sampler = samplers.tasks.iter().find(|sampler| sampler.task == plan.task);
+        let level = mastery.map(|known| current_level(&plan, known, sampler));
         let mastery = mastery.and_then(|mastery| mastery.mastery.as_ref()).filter(|known| known.n > 0);
         let mastery = mastery.map(|m| LevelMastery { n: m.n, mean: m.mean, q10: m.q10, q90: m.q90 });
         tasks.push(TaskSnapshot { plan, level, mastery, profile });

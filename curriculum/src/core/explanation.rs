@@ -18,11 +18,6 @@ pub struct TaskStatus {
     pub probe_level: Option<u32>,
     /// Number of moves of the task so far, steps of placement included.
     pub epoch: u32,
-    /// Number of the hardest rung, under a strategy that samples rungs.
-    pub top_rung: Option<u32>,
-    /// Positions on the rungs: lower quartile, median and upper quartile. `None` before the first success, and under a strategy
-    /// without positions.
-    pub rung_quartiles: Option<[f64; 3]>,
     /// Params in force: of the current level, of the probed level, at the bounds, or the task's defaults. Empty if
     /// they change with every proposal (uniform).
     pub params: Vec<(String, f64)>,
@@ -51,8 +46,6 @@ impl TaskStatus {
             placement_done: true,
             probe_level: None,
             epoch: 0,
-            top_rung: None,
-            rung_quartiles: None,
             params,
             block: None,
             blocks: 0,

@@ -5,9 +5,20 @@
 
 use env_core::space::START_SCALE;
 use env_core::{KeyedRng, TaskSpec};
+use serde::{Deserialize, Serialize};
 
 use super::proposal::{Proposal, ProposalRole};
 use super::settings::TaskPlan;
+
+/// Kind of the rungs of a task.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RungKind {
+    /// Start rungs: values of the param `start_scale`.
+    Start,
+    /// Levels: rows of the task's level table.
+    Level,
+}
 
 /// Rungs of a task under a plan, counted from 0, the easiest.
 #[derive(Clone, Copy)]
@@ -23,6 +34,25 @@ impl<'a> RungScale<'a> {
         Self { plan, task: env_core::task(&plan.task), starts: plan.start_rungs() }
     }
 
+    /// Kind of the rungs on which samplers place proposals of the task.
+    pub(crate) const fn kind(&self) -> RungKind {
+        if self.are_starts() { RungKind::Start } else { RungKind::Level }
+    }
+
+    /// Value of `start_scale` at a start rung; `None` at a level, and beyond the top.
+    pub(crate) fn start_scale(&self, kind: RungKind, rung: u32) -> Option<f64> {
+        let starts = if kind == RungKind::Start { self.starts } else { &[] };
+        starts.get(rung as usize).copied()
+    }
+
+    /// Number of rungs of a kind. A task with start rungs has levels, too.
+    pub(crate) fn count(&self, kind: RungKind) -> u32 {
+        match kind {
+            RungKind::Start => u32::try_from(self.starts.len()).unwrap_or(u32::MAX),
+            RungKind::Level => self.plan.hardest_level().saturating_add(1),
+        }
+    }
+
     /// True if the rungs are starts, at levels drawn uniformly.
     pub(crate) const fn are_starts(&self) -> bool {
         !self.starts.is_empty()
@@ -30,16 +60,12 @@ impl<'a> RungScale<'a> {
 
     /// Number of the hardest rung.
     pub(crate) fn top(&self) -> u32 {
-        if self.are_starts() {
-            u32::try_from(self.starts.len() - 1).unwrap_or(u32::MAX)
-        } else {
-            self.plan.hardest_level()
-        }
+        self.len().saturating_sub(1)
     }
 
     /// Number of rungs of the task.
     pub(crate) fn len(&self) -> u32 {
-        self.top().saturating_add(1)
+        self.count(self.kind())
     }
 
     /// True if a blind plan can succeed, so that only contested scenarios show whether acting helps.

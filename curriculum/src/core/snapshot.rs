@@ -7,6 +7,7 @@ use serde_json::Value;
 
 use super::mastery::StoredMastery;
 use super::proposal::Proposal;
+use super::rung_tracker::RungTracker;
 use super::settings::{SettingsError, StoredSettings, StrategyKind};
 
 /// State of a curriculum at one event, complete except for the run seed.
@@ -22,6 +23,9 @@ pub struct Snapshot {
     pub settings: StoredSettings,
     /// Success rates behind the mastery of every task and level.
     pub mastery: Vec<StoredMastery>,
+    /// Latest draws and successes of each rung; empty in a snapshot of an earlier version.
+    #[serde(default)]
+    pub(crate) rungs: RungTracker,
     /// Per task, the seq from which its proposals follow these settings; a missing task has followed them from the
     /// start.
     pub since: BTreeMap<String, u64>,

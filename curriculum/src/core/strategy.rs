@@ -16,6 +16,7 @@ use super::evidence::level_move::LevelMove;
 use super::explanation::{Explanation, TaskStatus};
 use super::outcome::GroupOutcome;
 use super::proposal::Proposal;
+use super::sampler_state::SamplerOutlook;
 use super::settings::{Settings, TaskPlan};
 use super::slot::Slot;
 
@@ -76,6 +77,10 @@ pub(crate) trait Strategy: StrategySnapshot + Send + Sync {
     /// Rung that the strategy draws for a task; `None` under a strategy that samples no rungs. Nothing changes.
     fn sample_rung(&self, _plan: &TaskPlan, _settings: &Settings, _rng: &mut KeyedRng) -> Option<u32> {
         None
+    }
+    /// Next draws of a task. By default, the strategy draws levels with unknown probabilities.
+    fn sampler(&self, _plan: &TaskPlan, _ctx: &StrategyContext<'_>) -> SamplerOutlook {
+        SamplerOutlook::of_levels()
     }
     /// Problems of a task that the user should know about, one sentence each. Cheap: the service compares them after
     /// every outcome.

@@ -17,6 +17,7 @@ use crate::core::evidence::slot_queue::SlotQueue;
 use crate::core::explanation::{Explanation, TaskStatus};
 use crate::core::outcome::GroupOutcome;
 use crate::core::proposal::{Proposal, ProposalRole};
+use crate::core::sampler_state::SamplerOutlook;
 use crate::core::scale::LevelScale;
 use crate::core::settings::hyperparameters::adr::{BOUNDARY, BUFFER, NARROW, STEP, WIDEN};
 use crate::core::settings::{Hyperparameters, Settings, TaskPlan};
@@ -115,6 +116,10 @@ impl Strategy for Adr {
 
     fn status(&self, settings: &Settings) -> Vec<TaskStatus> {
         settings.tasks.iter().map(|plan| self.task_status(plan, settings)).collect()
+    }
+
+    fn sampler(&self, _plan: &TaskPlan, _ctx: &StrategyContext<'_>) -> SamplerOutlook {
+        SamplerOutlook::of_params()
     }
 
     fn explain(&self, settings: &Settings) -> Explanation {

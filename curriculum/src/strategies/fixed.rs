@@ -6,7 +6,8 @@ use crate::core::evidence::level_move::LevelMove;
 use crate::core::explanation::{Explanation, TaskExplanation, TaskStatus};
 use crate::core::outcome::GroupOutcome;
 use crate::core::proposal::{Proposal, ProposalRole};
-use crate::core::settings::Settings;
+use crate::core::sampler_state::SamplerOutlook;
+use crate::core::settings::{Settings, TaskPlan};
 use crate::core::strategy::{Strategy, StrategyContext, StrategyState};
 
 /// State of the fixed strategy: the number of proposals so far.
@@ -32,6 +33,10 @@ impl Strategy for Fixed {
 
     fn status(&self, settings: &Settings) -> Vec<TaskStatus> {
         settings.tasks.iter().map(|plan| TaskStatus::without_levels(&plan.task, plan.params(None))).collect()
+    }
+
+    fn sampler(&self, _plan: &TaskPlan, _ctx: &StrategyContext<'_>) -> SamplerOutlook {
+        SamplerOutlook::of_params()
     }
 
     fn explain(&self, settings: &Settings) -> Explanation {

@@ -19,6 +19,8 @@ mod ladder;
 mod learnability;
 mod replay;
 mod samplers;
+#[cfg(test)]
+mod tests;
 mod uniform;
 
 use serde_json::Value;

@@ -6,7 +6,8 @@ use crate::core::evidence::level_move::LevelMove;
 use crate::core::explanation::Explanation;
 use crate::core::outcome::GroupOutcome;
 use crate::core::proposal::{Proposal, ProposalRole};
-use crate::core::settings::Settings;
+use crate::core::sampler_state::{SamplerOutlook, uniform_probabilities};
+use crate::core::settings::{Settings, TaskPlan};
 use crate::core::shares;
 use crate::core::strategy::{Strategy, StrategyContext, StrategyState};
 
@@ -28,6 +29,10 @@ impl Strategy for Uniform {
     }
 
     fn change_settings(&mut self, _restarted: &[&str], _ctx: &StrategyContext<'_>) {}
+
+    fn sampler(&self, plan: &TaskPlan, _ctx: &StrategyContext<'_>) -> SamplerOutlook {
+        SamplerOutlook::with_level_probabilities(uniform_probabilities(plan.hardest_level() + 1))
+    }
 
     fn explain(&self, settings: &Settings) -> Explanation {
         let rules = vec![

@@ -5,4 +5,5 @@
 pub mod current_mastery;
 pub mod mastery_gauges;
 pub mod run_progress;
+pub mod samplers;
 pub mod task_levels;

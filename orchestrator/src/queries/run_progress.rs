@@ -12,7 +12,7 @@ use crate::engine::change::{ReadTx, StateQuery};
 use crate::engine::error::ServiceError;
 use crate::engine::run_state::RunState;
 use crate::runs::settings::RunSettings;
-use curriculum::{Explanation, Mastery, TaskStatus};
+use curriculum::{Explanation, Mastery, SamplerState, TaskStatus};
 
 /// Asks for the progress of a run.
 #[derive(Debug)]
@@ -32,6 +32,8 @@ pub struct RunProgress {
     pub mastery: Vec<Mastery>,
     /// The rules of the strategy and its last moves, as text.
     pub explanation: Explanation,
+    /// Sampler of each task.
+    pub samplers: Vec<SamplerState>,
     /// Episode counters per task, without designed groups.
     pub sums: BTreeMap<String, TaskCounters>,
     /// Episode counters of designed groups per task.
@@ -69,6 +71,7 @@ impl RunProgress {
             status: state.curriculum.status(),
             mastery: state.curriculum.mastery(),
             explanation: state.curriculum.explain(),
+            samplers: state.curriculum.samplers(),
             sums: task_counters::of_run(conn, run, false).await?,
             designed: task_counters::of_run(conn, run, true).await?,
             claimed: columns::counters(conn, run).await?,

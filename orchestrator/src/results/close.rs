@@ -10,7 +10,7 @@ use env_core::admission;
 use store::group_counters::{self, GroupCounters};
 use store::group_results::{self, GroupResult};
 use store::groups::{self, GroupRow, GroupState};
-use store::history::ParamValue;
+use store::history::{ParamValue, RungKey, RungResults};
 use store::leases::LeaseRow;
 use store::task_counters::{self, TaskCounters, TaskCountersKey};
 use store::{from_json, proposals, to_u32, to_u64};
@@ -167,7 +167,14 @@ impl ClosingGroup<'_> {
         let proposal: Proposal = from_json("a proposal", body)?;
         if is_enough && group.layout.is_none() {
             let params = proposal.params.iter().map(|(name, value)| ParamValue { name, value: *value });
-            run.task_counts(&group.task).add_params(params);
+            let counts = run.task_counts(&group.task);
+            counts.add_params(params);
+            let key = RungKey {
+                start_rung: proposal.start_rung.map(i64::from),
+                level: proposal.level.map(i64::from),
+            };
+            let (episodes, successes) = (group.counted, group.counted_successes);
+            counts.add_rung(key, RungResults { groups: 1, episodes, successes });
         }
         if !is_enough && run.state.curriculum.is_current(to_u64(seq), &proposal) {
             proposals::offer_again(run.conn, &lease.run, seq, MAX_ATTEMPTS).await?;

@@ -536,6 +536,21 @@ class Mastery:
         response: types.RunParams = self._send("GET", f"/v1/runs/{_segment(run)}/params", {}, None, is_repeatable=True)
         return response
 
+    def get_sampler(
+        self, run: str, *, from_: str | None = None, to: str | None = None, points: int | None = None
+    ) -> types.RunSampler:
+        """Get the sampler of each task of a run: the rungs it draws, the success there, and the course of both.
+
+        Args:
+            from_: Start of the window, RFC 3339 (default: start of the run).
+            to: End of the window, RFC 3339 (default: now).
+            points: Largest number of points of each series, from 1 to 2 000 (default 300).
+        """
+        response: types.RunSampler = self._send(
+            "GET", f"/v1/runs/{_segment(run)}/sampler", {"from": from_, "to": to, "points": points}, None, is_repeatable=True
+        )
+        return response
+
     def get_series(
         self, run: str, *, from_: str | None = None, to: str | None = None, points: int | None = None
     ) -> types.RunSeries:
@@ -1322,6 +1337,21 @@ class AsyncMastery:
     async def get_params(self, run: str) -> types.RunParams:
         """Get the current params of a run, by task."""
         response: types.RunParams = await self._send("GET", f"/v1/runs/{_segment(run)}/params", {}, None, is_repeatable=True)
+        return response
+
+    async def get_sampler(
+        self, run: str, *, from_: str | None = None, to: str | None = None, points: int | None = None
+    ) -> types.RunSampler:
+        """Get the sampler of each task of a run: the rungs it draws, the success there, and the course of both.
+
+        Args:
+            from_: Start of the window, RFC 3339 (default: start of the run).
+            to: End of the window, RFC 3339 (default: now).
+            points: Largest number of points of each series, from 1 to 2 000 (default 300).
+        """
+        response: types.RunSampler = await self._send(
+            "GET", f"/v1/runs/{_segment(run)}/sampler", {"from": from_, "to": to, "points": points}, None, is_repeatable=True
+        )
         return response
 
     async def get_series(

@@ -750,6 +750,20 @@ LayoutKind: TypeAlias = Literal["threat", "decoy"]
 """Kind of a layout."""
 
 
+class LearningSignal(TypedDict):
+    """
+    Learning signal of groups of one kind: the variance of success within a group, averaged over groups. The latest groups weigh
+    most, and without groups it is a prior.
+    """
+
+    groups: float
+    """Number of groups, which fade: a group counts half after 256 groups of the run."""
+    mean: float
+    """Mean variance, 0 to 0.5."""
+    standard_error: float
+    """Standard error of the mean."""
+
+
 LeaseDisclosure: TypeAlias = Literal["lease", "begin"]
 """When a lease discloses its scenarios."""
 
@@ -1214,6 +1228,37 @@ RunWarningKind: TypeAlias = Literal["refused_claim", "unproven_claim"]
 """Kind of a warning."""
 
 
+RungKind: TypeAlias = Literal["start", "level"]
+"""Kind of the rungs of a task."""
+
+
+class SamplerRung(TypedDict):
+    """Rung of a task: its latest draws and results, and their course."""
+
+    attempts: float
+    """Number of episodes at the rung, discounted in the same way."""
+    chains: NotRequired[int | None]
+    """Number of chains at the rung; null if the sampler has no chains."""
+    draws: int
+    """Number of the task's latest proposals at the rung."""
+    group_success: list[float | None]
+    """Success rate of their finished episodes in each point; null where there is none."""
+    groups: list[int]
+    """Number of groups with results in each point of the course."""
+    probability: NotRequired[float | None]
+    """Probability that the task's next proposal is at the rung; null if the strategy does not know it."""
+    rung: int
+    """Number of the rung, 0 for the easiest. It is the level if levels are the rungs."""
+    share: NotRequired[float | None]
+    """Share of the task's latest proposals at the rung, draws / proposals; null before the first proposal."""
+    start_scale: NotRequired[float | None]
+    """Value of the param `start_scale` at the rung; null if levels are the rungs."""
+    success: NotRequired[float | None]
+    """Recent success rate at the rung, successes / attempts; null before the first result."""
+    successes: float
+    """Number of successes at the rung; each episode there discounts the earlier ones by 1/64."""
+
+
 class ScenarioBracket(TypedDict):
     """Scores between which the skill of an episode is measured."""
 
@@ -1461,6 +1506,31 @@ class TaskParam(TypedDict):
     """Unit of the param; empty for a pure number."""
     whole: bool
     """True if only integers are valid."""
+
+
+class TaskSampler(TypedDict):
+    """Sampler of a task."""
+
+    at: list[int]
+    """Start of each point of the course, Unix time in seconds. Points without results are left out."""
+    kind: NotRequired[RungKind | None]
+    name: str
+    """Name of the sampler: the strategy, or the sampler that `auto` chose for the task."""
+    position: str
+    """Position of the sampler in one sentence."""
+    proposals: int
+    """Number of the task's latest proposals that `draws` counts, at most 256."""
+    quartiles: NotRequired[list[float] | None]
+    """
+    Positions on the rungs: lower quartile, median and upper quartile. Null before the first success, and under a sampler without
+    positions.
+    """
+    reason: NotRequired[str | None]
+    """Reason of the choice, as the end of a sentence; null unless the strategy is `auto`."""
+    rungs: list[SamplerRung]
+    """Rungs of the task, easiest first; empty if the strategy draws params."""
+    task: str
+    """Id of the task."""
 
 
 class TaskScoreRange(TypedDict):
@@ -1790,14 +1860,19 @@ class DesignSettingsRequest(TypedDict):
     """Settings of the layouts that are designed for the agent's failures. Every field may be left out."""
 
     designer: NotRequired[DesignerChoice | None]
+    fixed_share: NotRequired[bool | None]
+    """
+    True if the share is always the largest (default false). Otherwise it follows what the agent learns from designed groups,
+    compared with the others.
+    """
     layout_share: NotRequired[float | None]
     """Largest share of training groups for one layout, above 0 and at most 1 (default 0.05); four groups are always allowed."""
     reserve: NotRequired[int | None]
     """Number of active layouts near the current level that are kept in reserve for each task, from 1 to 64 (default 8)."""
     share: NotRequired[float | None]
     """
-    Share of training groups that are designed, from 0 to 1 (default 0.3), once there are failures and the task's placement
-    is done. 0 turns designs off.
+    Largest share of training groups that are designed, from 0 to 1 (default 0.3), once there are failures and the task's
+    placement is done. 0 turns designs off.
     """
 
 
@@ -1806,10 +1881,16 @@ class DesignStatistics(TypedDict):
 
     designed_groups: int
     """Number of designed groups among them."""
+    designed_signal: LearningSignal
+    """Learning signal of designed groups."""
     designers: list[DesignerUsage]
     """Requests and cost by designer."""
     llm: NotRequired[dict[str, Any] | None]
     """Health of the language model; null if none is configured."""
+    next_share: float
+    """Probability that the next training group is designed, if a layout suits it, from 0 to the setting `share`."""
+    ordinary_signal: LearningSignal
+    """Learning signal of the other groups."""
     run: str
     """Id of the run."""
     settings: dict[str, Any]
@@ -1853,6 +1934,8 @@ class DesignSummary(TypedDict):
     """Id of the run."""
     served_at: NotRequired[str | None]
     """Time of the latest lease, RFC 3339."""
+    start_rung: NotRequired[int | None]
+    """Start rung that the design is for; null if the rungs of the task are its levels."""
     state: DesignState
     """State of the design."""
     state_reason: NotRequired[str | None]
@@ -2267,7 +2350,7 @@ class RunRequest(TypedDict):
     seed: NotRequired[int | None]
     """Seed of the run's random streams, from 0 to 2^51 − 1 (default: drawn by the server)."""
     strategy: NotRequired[str | None]
-    """Strategy that chooses the scenarios (default `ladder`)."""
+    """Strategy that chooses the scenarios (default `auto`)."""
     strategy_settings: NotRequired[dict[str, float | str]]
     """Settings of the strategy, by name; the others have their defaults. A change of a run that keeps its strategy keeps the others instead. `GET /v1/strategies` lists all settings."""
     success: NotRequired[SuccessSetting | None]
@@ -2279,6 +2362,18 @@ class RunRequest(TypedDict):
     """Settings of single tasks, by task id."""
     tasks: NotRequired[list[str] | None]
     """Ids of the tasks (default: all tasks of kessler). Tasks of several worlds can be mixed if the agent can act in all of them."""
+
+
+RunSampler = TypedDict(
+    "RunSampler",
+    {
+        "from": str,
+        "strategy": str,
+        "tasks": list[TaskSampler],
+        "to": str,
+        "width_s": int,
+    },
+)
 
 
 RunSeries = TypedDict(

@@ -1,9 +1,11 @@
 //! History of runs: results by task and time, in buckets of a minute (kept for a week) and of an hour (kept for ever). Tables
-//! `task_history` and `task_history_params`.
+//! `task_history`, `task_history_params` and `task_history_rungs`.
 //!
-//! [`write`] adds results to the buckets, [`read`] reads a window of time as a limited number of points.
+//! [`write`] adds results to the buckets, [`read`] reads a window of time as a limited number of points, and [`rungs`] has the
+//! results by start rung and level.
 
 mod read;
+mod rungs;
 mod write;
 
 use crate::task_counters::TaskCounters;
@@ -12,6 +14,7 @@ use std::collections::BTreeMap;
 use crate::Millis;
 
 pub use self::read::{HistoryPoint, HistoryWindow, curve};
+pub use self::rungs::{RungKey, RungPoint, RungResults, rung_points};
 pub use self::write::{add, delete_old_minutes};
 
 /// Milliseconds of a minute, the width of a fine bucket.
@@ -62,6 +65,8 @@ pub struct HistoryBucket {
     pub mastery: Option<MasterySample>,
     /// Parameters of the scenarios, by name.
     pub params: BTreeMap<String, ParamRange>,
+    /// Results by start rung and level. [`curve`] leaves them out.
+    pub rungs: BTreeMap<RungKey, RungResults>,
 }
 
 /// Sum of the durations of episodes.
@@ -160,6 +165,14 @@ impl HistoryBucket {
         for (name, range) in &later.params {
             self.params.entry(name.clone()).and_modify(|known| known.join(range)).or_insert(*range);
         }
+        for (key, results) in &later.rungs {
+            self.add_rung(*key, *results);
+        }
+    }
+
+    /// Adds results at a rung.
+    pub fn add_rung(&mut self, key: RungKey, results: RungResults) {
+        self.rungs.entry(key).or_default().join(results);
     }
 
     /// Adds the parameters of a scenario.

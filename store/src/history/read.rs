@@ -18,17 +18,18 @@ pub struct HistoryWindow {
     /// Width of a point, milliseconds: a multiple of the stored width.
     pub width: Millis,
     /// Width of the buckets that are read, milliseconds.
-    stored: Millis,
+    pub(super) stored: Millis,
 }
 
 impl HistoryWindow {
-    /// The window from `from` to `to` with at most `points` points, from the finest buckets that are kept at `now`. One point
-    /// more may be needed for a begin that is not a multiple of the width.
+    /// The window from `from` to `to` with at most `points` points, from the coarsest buckets that divide them, or the finest that
+    /// are kept at `now`. One point more may be needed for a begin that is not a multiple of the width.
     #[must_use]
     pub fn new(from: Millis, to: Millis, points: i64, now: Millis) -> Self {
-        let stored = if from >= now - MINUTES_KEPT + HOUR { MINUTE } else { HOUR };
         let each = (to - from).max(1).unsigned_abs().div_ceil(points.max(1).unsigned_abs());
         let each = i64::try_from(each).unwrap_or(i64::MAX / 2);
+        // Points of several hours need no minutes, of which there are sixty times as many.
+        let stored = if from >= now - MINUTES_KEPT + HOUR && each <= HOUR { MINUTE } else { HOUR };
         let width = (each.saturating_add(stored - 1)) / stored * stored;
         Self { from: from.div_euclid(width) * width, to, width, stored }
     }
@@ -103,6 +104,7 @@ pub async fn curve(
             highest_level: r.highest_level,
             mastery: mastery.remove(&key),
             params: params.remove(&key).unwrap_or_default(),
+            rungs: BTreeMap::new(),
         };
         HistoryPoint { task: r.task, start: r.bucket, bucket }
     });

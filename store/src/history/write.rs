@@ -2,10 +2,12 @@
 
 use std::collections::BTreeMap;
 
+use sqlx::sqlite::SqliteQueryResult;
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
 use super::super::{MAX_ROWS, StoreError};
 use super::read::tasks;
+use super::rungs::{RungRow, add_rungs};
 use super::{HOUR, HistoryBucket, MINUTE, MINUTES_KEPT, ParamRange};
 use crate::Millis;
 
@@ -50,6 +52,20 @@ pub async fn add(
     let params: Vec<ParamRow<'_>> = params.collect();
     for rows in params.chunks(MAX_ROWS) {
         add_params(conn, run, rows).await?;
+    }
+    let rungs = rows.iter().flat_map(|row| {
+        let BucketRow { task, width, start, bucket } = *row;
+        bucket.rungs.iter().map(move |(key, results)| RungRow {
+            task,
+            width,
+            start,
+            key: *key,
+            results: *results,
+        })
+    });
+    let rungs: Vec<RungRow<'_>> = rungs.collect();
+    for rows in rungs.chunks(MAX_ROWS) {
+        add_rungs(conn, run, rows).await?;
     }
     Ok(())
 }
@@ -152,6 +168,17 @@ pub async fn delete_old_minutes(
     )
     .execute(&mut *conn)
     .await?;
+    let rungs = query!(
+        "DELETE FROM task_history_rungs WHERE (run, task, width, start, start_rung, level) IN (
+             SELECT run, task, width, start, start_rung, level FROM task_history_rungs
+             WHERE run = ?1 AND task IN (SELECT value FROM json_each(?2)) AND width = 60000 AND start < ?3 LIMIT ?4)",
+        run,
+        tasks,
+        before,
+        limit
+    )
+    .execute(&mut *conn)
+    .await?;
     let buckets = query!(
         "DELETE FROM task_history WHERE (run, task, width, start) IN (
              SELECT run, task, width, start FROM task_history
@@ -163,5 +190,6 @@ pub async fn delete_old_minutes(
     )
     .execute(conn)
     .await?;
-    Ok(params.rows_affected().max(buckets.rows_affected()) >= limit.unsigned_abs())
+    let most = [params, rungs, buckets].iter().map(SqliteQueryResult::rows_affected).max();
+    Ok(most.is_some_and(|most| most >= limit.unsigned_abs()))
 }

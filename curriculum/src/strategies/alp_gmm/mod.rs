@@ -25,6 +25,7 @@ use crate::core::evidence::level_move::LevelMove;
 use crate::core::explanation::Explanation;
 use crate::core::outcome::GroupOutcome;
 use crate::core::proposal::{Proposal, ProposalRole};
+use crate::core::sampler_state::SamplerOutlook;
 use crate::core::scale::LevelScale;
 use crate::core::settings::hyperparameters::alp_gmm::{MAX_COMPONENTS, MIN_COMPONENTS, UNIFORM, WINDOW};
 use crate::core::settings::{Settings, TaskPlan};
@@ -93,6 +94,10 @@ impl Strategy for AlpGmm {
     fn take_background_jobs(&self) -> Vec<Arc<dyn BackgroundJob>> {
         let fits = self.tasks.values().filter_map(|progress| progress.fit.clone());
         fits.filter(|fit| fit.take()).map(|fit| fit as Arc<dyn BackgroundJob>).collect()
+    }
+
+    fn sampler(&self, _plan: &TaskPlan, _ctx: &StrategyContext<'_>) -> SamplerOutlook {
+        SamplerOutlook::of_params()
     }
 
     fn explain(&self, settings: &Settings) -> Explanation {

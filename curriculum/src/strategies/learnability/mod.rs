@@ -11,6 +11,7 @@
 
 mod explain;
 mod model;
+mod outlook;
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -22,6 +23,7 @@ use crate::core::evidence::level_move::LevelMove;
 use crate::core::explanation::Explanation;
 use crate::core::outcome::{GroupOutcome, learnability};
 use crate::core::proposal::{Proposal, ProposalRole, ScenarioSource};
+use crate::core::sampler_state::SamplerOutlook;
 use crate::core::settings::hyperparameters::learnability::{
     AMONG, CANDIDATES, KEPT, RANK, ROLLOUTS, RankingMethod, SHARE,
 };
@@ -109,6 +111,12 @@ impl Strategy for Learnability {
             pool.trials.keys().copied().chain(rated).collect()
         };
         self.tasks.values().flat_map(of_pool).collect()
+    }
+
+    fn sampler(&self, plan: &TaskPlan, ctx: &StrategyContext<'_>) -> SamplerOutlook {
+        let empty = ScenarioPool::default();
+        let pool = self.tasks.get(&plan.task).unwrap_or(&empty);
+        SamplerOutlook::with_level_probabilities(outlook::level_probabilities(pool, ctx.settings, plan))
     }
 
     fn explain(&self, settings: &Settings) -> Explanation {

@@ -54,21 +54,29 @@ impl SuccessModel {
     /// Proposes the scenario nearest one half among `among` fresh ones of a level. The level is drawn by its predicted p(1 − p)
     /// where half of the blind plans succeed; before the first fit all levels are equally likely.
     pub(super) fn choose(&self, plan: &TaskPlan, among: u32, rng: &mut KeyedRng) -> Option<Proposal> {
-        let fitted = self.fitted.as_deref().unwrap_or_default();
-        let logit = |level: u32, panel: f64| dot(fitted, &features(plan, Some(level), panel));
-        let learnability = |level: u32| {
-            let p = logistic(logit(level, 0.5));
-            p * (1.0 - p)
-        };
-        let weights: Vec<f64> = (0..=plan.hardest_level()).map(learnability).collect();
-        let level = u32::try_from(rng.weighted_index(&weights)?).ok()?;
-        let base = logit(level, 0.0);
-        let source = ScenarioSource::Chosen { among, base, panel: logit(level, 1.0) - base };
+        let level = u32::try_from(rng.weighted_index(&self.level_weights(plan))?).ok()?;
+        let base = self.logit(plan, level, 0.0);
+        let source = ScenarioSource::Chosen { among, base, panel: self.logit(plan, level, 1.0) - base };
         let why = format!(
             "level {level}, where {:.2} is predicted to succeed; of {among} scenarios the one nearest one half",
-            logistic(logit(level, 0.5))
+            logistic(self.logit(plan, level, 0.5))
         );
         Some(Proposal { source, why, ..Proposal::fresh(plan, Some(level), ProposalRole::Replay) })
+    }
+
+    /// Weight of each level: its predicted p(1 − p) where half of the blind plans succeed.
+    pub(super) fn level_weights(&self, plan: &TaskPlan) -> Vec<f64> {
+        let learnability = |level: u32| {
+            let p = logistic(self.logit(plan, level, 0.5));
+            p * (1.0 - p)
+        };
+        (0..=plan.hardest_level()).map(learnability).collect()
+    }
+
+    /// Predicted logit of success at a level, where a share of the blind plans succeeds.
+    fn logit(&self, plan: &TaskPlan, level: u32, panel: f64) -> f64 {
+        let fitted = self.fitted.as_deref().unwrap_or_default();
+        dot(fitted, &features(plan, Some(level), panel))
     }
 }
 

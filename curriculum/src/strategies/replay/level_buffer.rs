@@ -6,6 +6,8 @@ use std::collections::BTreeMap;
 use env_core::KeyedRng;
 use serde::{Deserialize, Serialize};
 
+use crate::core::sampler_state::LevelWeight;
+
 /// Factor that each visit without a gain applies to a priority.
 const DECAY: f64 = 0.7;
 /// Number of visits from which a scenario without a gain decays.
@@ -172,6 +174,25 @@ impl LevelBuffer {
         found.or(self.last_proposals.first()).map(|proposal| proposal.seq)
     }
 
+    /// Levels of all scenarios, with their weights in [`Self::sample_by_rank`].
+    pub(super) fn levels_by_rank<'a>(
+        &'a self,
+        weights: &'a RankWeights,
+    ) -> impl Iterator<Item = LevelWeight> + 'a {
+        let ranked = self.iter().enumerate();
+        ranked.filter_map(|(rank, (_, scenario))| {
+            Some(LevelWeight { level: scenario.level?, weight: weights.weight(rank) })
+        })
+    }
+
+    /// Levels of all scenarios, with their weights in [`Self::sample_by_staleness`] at the event `now`.
+    pub(super) fn levels_by_staleness(&self, now: u64) -> impl Iterator<Item = LevelWeight> {
+        self.last_proposals.iter().filter_map(move |proposal| {
+            let level = self.levels.get(&proposal.seq)?.level?;
+            Some(LevelWeight { level, weight: now.saturating_sub(proposal.last) as f64 })
+        })
+    }
+
     fn put(&mut self, seq: u64, last: u64, level: BufferedLevel) {
         if self.levels.insert(seq, level).is_none() {
             self.rank(RankKey { priority: level.priority(), seq });
@@ -233,12 +254,16 @@ impl RankWeights {
         Self { power: -1.0 / beta, cumulative: Vec::new() }
     }
 
+    /// Weight of a rank, counted from 0.
+    fn weight(&self, rank: usize) -> f64 {
+        libm::pow(rank as f64 + 1.0, self.power)
+    }
+
     /// Index among `len` ranks at which `draw`, a number in [0, 1), falls.
     fn pick(&mut self, len: usize, draw: f64) -> usize {
         while self.cumulative.len() < len {
-            let rank = self.cumulative.len() as f64 + 1.0;
             let before = self.cumulative.last().copied().unwrap_or(0.0);
-            self.cumulative.push(before + libm::pow(rank, self.power));
+            self.cumulative.push(before + self.weight(self.cumulative.len()));
         }
         let sums = &self.cumulative[..len];
         let target = draw * sums.last().copied().unwrap_or(0.0);

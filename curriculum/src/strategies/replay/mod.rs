@@ -11,6 +11,7 @@
 
 mod explain;
 mod level_buffer;
+mod outlook;
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -22,6 +23,7 @@ use crate::core::evidence::level_move::LevelMove;
 use crate::core::explanation::Explanation;
 use crate::core::outcome::GroupOutcome;
 use crate::core::proposal::{Proposal, ProposalRole, ScenarioSource};
+use crate::core::sampler_state::SamplerOutlook;
 use crate::core::settings::hyperparameters::replay::{
     BETA, CAPACITY, EDITED, FILLED, REPLAY, SCORE, STALENESS, ScenarioScore,
 };
@@ -94,6 +96,13 @@ impl Strategy for Replay {
 
     fn warnings(&self, task: &str, settings: &Settings) -> Vec<String> {
         self.tasks.get(task).and_then(|buffer| explain::warning(buffer, settings)).into_iter().collect()
+    }
+
+    fn sampler(&self, plan: &TaskPlan, ctx: &StrategyContext<'_>) -> SamplerOutlook {
+        let empty = TaskBuffer::default();
+        let task = self.tasks.get(&plan.task).unwrap_or(&empty);
+        let probabilities = outlook::level_probabilities(task, plan, ctx, &self.rank_weights);
+        SamplerOutlook::with_level_probabilities(probabilities)
     }
 
     fn explain(&self, settings: &Settings) -> Explanation {

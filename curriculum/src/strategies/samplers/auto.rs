@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{ChosenRung, RungResult, Sampler, SamplerSetting, Staircase};
 use crate::core::rungs::RungScale;
+use crate::core::sampler_state::{SamplerChoice, uniform_probabilities};
 use crate::core::settings::{Hyperparameters, TaskPlan};
 
 /// Sampler that the table names.
@@ -122,12 +123,34 @@ impl Sampler for Auto {
         }
     }
 
+    fn probabilities(&self, setting: &SamplerSetting<'_>) -> Option<Vec<f64>> {
+        match self {
+            Self::Staircase(sampler) => sampler.probabilities(setting),
+            Self::Uniform if setting.rungs.are_starts() => None,
+            Self::Uniform => Some(uniform_probabilities(setting.rungs.len())),
+        }
+    }
+
+    fn chains(&self, setting: &SamplerSetting<'_>) -> Option<Vec<u32>> {
+        match self {
+            Self::Staircase(sampler) => sampler.chains(setting),
+            Self::Uniform => None,
+        }
+    }
+
     fn describe(&self, plan: &TaskPlan, setting: &SamplerSetting<'_>) -> String {
-        let (name, state) = match self {
-            Self::Staircase(sampler) => ("staircase", sampler.describe(plan, setting)),
-            Self::Uniform => ("uniform", "levels are drawn uniformly".to_owned()),
+        match self {
+            Self::Staircase(sampler) => sampler.describe(plan, setting),
+            Self::Uniform => "levels are drawn uniformly".to_owned(),
+        }
+    }
+
+    fn choice(&self, plan: &TaskPlan) -> Option<SamplerChoice> {
+        let name = match self {
+            Self::Staircase(_) => "staircase",
+            Self::Uniform => "uniform",
         };
-        format!("{name}, because {}: {state}", choose_sampler(plan).1)
+        Some(SamplerChoice { name, reason: choose_sampler(plan).1 })
     }
 
     fn quartiles(&self, setting: &SamplerSetting<'_>) -> Option<[f64; 3]> {

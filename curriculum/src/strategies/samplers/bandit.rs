@@ -7,28 +7,21 @@ use env_core::KeyedRng;
 use serde::{Deserialize, Serialize};
 
 use super::{ChosenRung, RungResult, Sampler, SamplerSetting};
+use crate::core::decayed_success::DecayedSuccess;
 use crate::core::evidence::posterior::mean_variance;
+use crate::core::sampler_state::{mix, normalize, uniform_probabilities};
 use crate::core::settings::hyperparameters::bandit::{FORGET, UNIFORM};
 use crate::core::settings::{Hyperparameters, TaskPlan};
 
 /// Success of each rung so far. A rung without an entry has no result.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(in crate::strategies) struct Bandit {
-    rungs: Vec<RungSuccess>,
+    rungs: Vec<DecayedSuccess>,
 }
 
-/// Latest results of a rung: numbers of successes and failures, which fade.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-struct RungSuccess {
-    successes: f64,
-    failures: f64,
-}
-
-impl RungSuccess {
-    /// Mean of p(1 − p) under the posterior Beta(1 + successes, 1 + failures).
-    fn weight(&self) -> f64 {
-        mean_variance(1.0 + self.successes, 1.0 + self.failures)
-    }
+/// Mean of p(1 − p) under the posterior Beta(1 + successes, 1 + failures).
+fn weight(success: &DecayedSuccess) -> f64 {
+    mean_variance(1.0 + success.successes, 1.0 + success.failures)
 }
 
 impl Sampler for Bandit {
@@ -49,35 +42,42 @@ impl Sampler for Bandit {
         if rng.bernoulli(setting.hyperparameters.number(&UNIFORM)) {
             return ChosenRung { rung: rng.below(count), chain: None, why: "drawn uniformly".to_owned() };
         }
-        let weights: Vec<f64> = (0..count).map(|rung| self.rung(rung).weight()).collect();
-        let rung = rng.weighted_index(&weights).and_then(|rung| u32::try_from(rung).ok()).unwrap_or(0);
-        ChosenRung { rung, chain: None, why: format!("its p(1 − p) is {:.2}", self.rung(rung).weight()) }
+        let rung =
+            rng.weighted_index(&self.weights(count)).and_then(|rung| u32::try_from(rung).ok()).unwrap_or(0);
+        ChosenRung { rung, chain: None, why: format!("its p(1 − p) is {:.2}", weight(&self.rung(rung))) }
     }
 
     fn observe(&mut self, result: &RungResult, setting: &SamplerSetting<'_>, _: KeyedRng) {
         let rung = result.rung as usize;
         if self.rungs.len() <= rung {
-            self.rungs.resize(rung + 1, RungSuccess::default());
+            self.rungs.resize(rung + 1, DecayedSuccess::default());
         }
-        let episodes = f64::from(result.successes + result.failures);
-        let kept = libm::pow(1.0 - setting.hyperparameters.number(&FORGET), episodes);
-        let RungSuccess { successes, failures } = &mut self.rungs[rung];
-        *successes = *successes * kept + f64::from(result.successes);
-        *failures = *failures * kept + f64::from(result.failures);
+        let forget = setting.hyperparameters.number(&FORGET);
+        self.rungs[rung].add(result.successes, result.failures, forget);
+    }
+
+    fn probabilities(&self, setting: &SamplerSetting<'_>) -> Option<Vec<f64>> {
+        let count = setting.rungs.len();
+        let uniform = setting.hyperparameters.number(&UNIFORM);
+        Some(mix(uniform, &uniform_probabilities(count), &normalize(&self.weights(count))))
     }
 
     fn describe(&self, _: &TaskPlan, setting: &SamplerSetting<'_>) -> String {
         let best =
-            (0..setting.rungs.len()).max_by(|a, b| self.rung(*a).weight().total_cmp(&self.rung(*b).weight()));
+            (0..setting.rungs.len()).max_by(|a, b| weight(&self.rung(*a)).total_cmp(&weight(&self.rung(*b))));
         best.filter(|_| !self.rungs.is_empty()).map_or_else(
             || "no rung has a result yet".to_owned(),
-            |best| format!("rung {best} has the largest p(1 − p): {:.2}", self.rung(best).weight()),
+            |best| format!("rung {best} has the largest p(1 − p): {:.2}", weight(&self.rung(best))),
         )
     }
 }
 
 impl Bandit {
-    fn rung(&self, rung: u32) -> RungSuccess {
+    fn weights(&self, count: u32) -> Vec<f64> {
+        (0..count).map(|rung| weight(&self.rung(rung))).collect()
+    }
+
+    fn rung(&self, rung: u32) -> DecayedSuccess {
         self.rungs.get(rung as usize).copied().unwrap_or_default()
     }
 }

@@ -50,6 +50,22 @@ impl Sampler for Controller {
         self.position = (self.position + change).clamp(0.0, f64::from(setting.rungs.top()));
     }
 
+    /// Shares of the width around the position at which each rung is the nearest one.
+    fn probabilities(&self, setting: &SamplerSetting<'_>) -> Option<Vec<f64>> {
+        let (width, top) = (setting.hyperparameters.number(&WIDTH), setting.rungs.top());
+        let at_position = nearest_rung(self.position, top);
+        let probability = |rung: u32| {
+            if width == 0.0 {
+                return f64::from(u8::from(rung == at_position));
+            }
+            let (low, high) = (self.position - width, self.position + width);
+            let from = if rung == 0 { low } else { f64::from(rung) - 0.5 };
+            let to = if rung == top { high } else { f64::from(rung) + 0.5 };
+            (to.min(high) - from.max(low)).max(0.0) / (2.0 * width)
+        };
+        Some((0..=top).map(probability).collect())
+    }
+
     fn describe(&self, _: &TaskPlan, setting: &SamplerSetting<'_>) -> String {
         format!("the position is {:.2} of {}", self.position, setting.rungs.top())
     }

@@ -30,10 +30,11 @@ pub(super) use self::controller::Controller;
 use self::coverage::Coverage;
 pub(super) use self::staircase::Staircase;
 use crate::core::evidence::level_move::LevelMove;
-use crate::core::explanation::{Explanation, TaskStatus};
+use crate::core::explanation::Explanation;
 use crate::core::outcome::GroupOutcome;
 use crate::core::proposal::{Proposal, ProposalRole};
-use crate::core::rungs::RungScale;
+use crate::core::rungs::{RungKind, RungScale};
+use crate::core::sampler_state::{SamplerChoice, SamplerOutlook, mix, uniform_probabilities};
 use crate::core::settings::{Hyperparameters, Settings, TaskPlan};
 use crate::core::shares;
 use crate::core::strategy::{Strategy, StrategyContext, StrategyState, drop_stale_tasks};
@@ -60,6 +61,19 @@ pub(super) trait Sampler: Clone + Serialize + DeserializeOwned + Send + Sync + '
     /// True if scenarios must be contested: in tasks in which a blind plan can succeed.
     fn is_contested(&self, setting: &SamplerSetting<'_>) -> bool {
         setting.rungs.can_be_blind()
+    }
+
+    /// Probability of each rung with the next choice; `None` if levels are drawn uniformly although the task has start rungs.
+    fn probabilities(&self, setting: &SamplerSetting<'_>) -> Option<Vec<f64>>;
+
+    /// Number of chains at each rung; `None` if the sampler has no chains.
+    fn chains(&self, _setting: &SamplerSetting<'_>) -> Option<Vec<u32>> {
+        None
+    }
+
+    /// Sampler that was chosen for the task; `None` if the strategy has one for all tasks.
+    fn choice(&self, _plan: &TaskPlan) -> Option<SamplerChoice> {
+        None
     }
 
     /// Describes the state in one sentence.
@@ -119,8 +133,7 @@ impl<S: Sampler> Strategy for Sampled<S> {
         let plan = shares::pick_task(ctx.settings, rng.uniform());
         let setting = SamplerSetting::new(plan, ctx.settings);
         let state = self.tasks.entry(plan.task.clone()).or_insert_with(|| TaskState::new(plan));
-        let share = state.sampler.coverage(setting.hyperparameters);
-        if rng.bernoulli(state.coverage.probability(share, || f64::from(setting.rungs.horizon()))) {
+        if rng.bernoulli(state.coverage_probability(&setting)) {
             let rung = rng.below(setting.rungs.len());
             let why = format!("{}, drawn uniformly, so that no rung is forgotten", setting.name(rung));
             return Proposal { why, ..setting.rungs.propose(rung, ProposalRole::Coverage, &mut rng) };
@@ -155,17 +168,12 @@ impl<S: Sampler> Strategy for Sampled<S> {
         drop_stale_tasks(&mut self.tasks, restarted, ctx);
     }
 
-    fn status(&self, settings: &Settings) -> Vec<TaskStatus> {
-        let status = |plan: &TaskPlan| {
-            let setting = SamplerSetting::new(plan, settings);
-            let state = self.tasks.get(&plan.task);
-            TaskStatus {
-                rung_quartiles: state.and_then(|state| state.sampler.quartiles(&setting)),
-                top_rung: Some(setting.rungs.top()),
-                ..TaskStatus::without_levels(&plan.task, Vec::new())
-            }
-        };
-        settings.tasks.iter().map(status).collect()
+    fn sampler(&self, plan: &TaskPlan, ctx: &StrategyContext<'_>) -> SamplerOutlook {
+        let setting = SamplerSetting::new(plan, ctx.settings);
+        match self.tasks.get(&plan.task) {
+            Some(state) => state.outlook(plan, &setting),
+            None => TaskState::<S>::new(plan).outlook(plan, &setting),
+        }
     }
 
     fn sample_rung(&self, plan: &TaskPlan, settings: &Settings, rng: &mut KeyedRng) -> Option<u32> {
@@ -187,8 +195,8 @@ impl<S: Sampler> Strategy for Sampled<S> {
         Explanation::without_levels(settings, S::VERSION, S::SUMMARY, rules, |plan| {
             let setting = SamplerSetting::new(plan, settings);
             match self.tasks.get(&plan.task) {
-                Some(state) => state.sampler.describe(plan, &setting),
-                None => S::new(plan).describe(plan, &setting),
+                Some(state) => state.explain(plan, &setting),
+                None => TaskState::<S>::new(plan).explain(plan, &setting),
             }
         })
     }
@@ -205,6 +213,40 @@ impl<S: Sampler> StrategyState for Sampled<S> {
 impl<S: Sampler> TaskState<S> {
     fn new(plan: &TaskPlan) -> Self {
         Self { sampler: S::new(plan), coverage: Coverage::default() }
+    }
+
+    /// Probability that the next proposal is drawn for coverage.
+    fn coverage_probability(&self, setting: &SamplerSetting<'_>) -> f64 {
+        let share = self.sampler.coverage(setting.hyperparameters);
+        self.coverage.probability(share, || f64::from(setting.rungs.horizon()))
+    }
+
+    fn outlook(&self, plan: &TaskPlan, setting: &SamplerSetting<'_>) -> SamplerOutlook {
+        let rungs = setting.rungs;
+        let (kind, probabilities) = match self.sampler.probabilities(setting) {
+            Some(chosen) => {
+                let covered = uniform_probabilities(rungs.len());
+                (rungs.kind(), mix(self.coverage_probability(setting), &covered, &chosen))
+            }
+            None => (RungKind::Level, uniform_probabilities(rungs.count(RungKind::Level))),
+        };
+        SamplerOutlook {
+            choice: self.sampler.choice(plan),
+            position: Some(self.sampler.describe(plan, setting)),
+            kind: Some(kind),
+            probabilities: Some(probabilities),
+            chains: self.sampler.chains(setting),
+            quartiles: self.sampler.quartiles(setting),
+        }
+    }
+
+    /// Describes the sampler and its state in one sentence.
+    fn explain(&self, plan: &TaskPlan, setting: &SamplerSetting<'_>) -> String {
+        let state = self.sampler.describe(plan, setting);
+        match self.sampler.choice(plan) {
+            Some(SamplerChoice { name, reason }) => format!("{name}, because {reason}: {state}"),
+            None => state,
+        }
     }
 }
 

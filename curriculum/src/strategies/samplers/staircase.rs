@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::episode_length::EpisodeLength;
 use super::{ChosenRung, RungResult, Sampler, SamplerSetting};
+use crate::core::sampler_state::normalize;
 use crate::core::settings::hyperparameters::staircase::{CHAINS, COVERAGE, STEP};
 use crate::core::settings::{Hyperparameters, TaskPlan};
 
@@ -37,13 +38,10 @@ impl Sampler for Staircase {
     }
 
     fn choose(&self, setting: &SamplerSetting<'_>, rng: &mut KeyedRng) -> ChosenRung {
-        let chains = setting.hyperparameters.integer(&CHAINS);
-        let lengths = self.lengths(setting.rungs.top());
-        let rung_of = |chain: u32| floor(self.position(chain)).min(setting.rungs.top());
-        let weights: Vec<f64> = (0..chains).map(|chain| 1.0 / lengths[rung_of(chain) as usize]).collect();
+        let weights: Vec<f64> = self.chain_weights(setting).map(|chain| chain.weight).collect();
         let chain = rng.weighted_index(&weights).and_then(|chain| u32::try_from(chain).ok()).unwrap_or(0);
         let why = format!("chain {chain} is at {:.2}", self.position(chain));
-        ChosenRung { rung: rung_of(chain), chain: Some(chain), why }
+        ChosenRung { rung: self.rung_of(chain, setting), chain: Some(chain), why }
     }
 
     fn observe(&mut self, result: &RungResult, setting: &SamplerSetting<'_>, mut rng: KeyedRng) {
@@ -69,6 +67,22 @@ impl Sampler for Staircase {
             if is_past_top { f64::from(rng.below(setting.rungs.len())) } else { position };
     }
 
+    fn probabilities(&self, setting: &SamplerSetting<'_>) -> Option<Vec<f64>> {
+        let mut weights = vec![0.0; setting.rungs.len() as usize];
+        for ChainWeight { rung, weight } in self.chain_weights(setting) {
+            weights[rung as usize] += weight;
+        }
+        Some(normalize(&weights))
+    }
+
+    fn chains(&self, setting: &SamplerSetting<'_>) -> Option<Vec<u32>> {
+        let mut chains = vec![0; setting.rungs.len() as usize];
+        for ChainWeight { rung, .. } in self.chain_weights(setting) {
+            chains[rung as usize] += 1;
+        }
+        Some(chains)
+    }
+
     fn describe(&self, _: &TaskPlan, setting: &SamplerSetting<'_>) -> String {
         let chains = setting.hyperparameters.integer(&CHAINS);
         match self.quartiles(setting) {
@@ -90,7 +104,26 @@ impl Sampler for Staircase {
     }
 }
 
+/// Rung of a chain, and the weight with which the chain is drawn.
+struct ChainWeight {
+    rung: u32,
+    weight: f64,
+}
+
 impl Staircase {
+    /// Rungs and weights of all chains. The weight is the inverse of the length of the rung's episodes.
+    fn chain_weights(&self, setting: &SamplerSetting<'_>) -> impl Iterator<Item = ChainWeight> {
+        let lengths = self.lengths(setting.rungs.top());
+        (0..setting.hyperparameters.integer(&CHAINS)).map(move |chain| {
+            let rung = self.rung_of(chain, setting);
+            ChainWeight { rung, weight: 1.0 / lengths[rung as usize] }
+        })
+    }
+
+    fn rung_of(&self, chain: u32, setting: &SamplerSetting<'_>) -> u32 {
+        floor(self.position(chain)).min(setting.rungs.top())
+    }
+
     fn position(&self, chain: u32) -> f64 {
         self.positions.get(chain as usize).copied().unwrap_or(0.0)
     }

@@ -124,6 +124,7 @@ const OPERATIONS: &[Operation] = &[
     read("/v1/runs/{run}/level_moves"),
     read("/v1/runs/{run}/overview"),
     read("/v1/runs/{run}/series"),
+    read("/v1/runs/{run}/sampler"),
     read("/v1/runs/{run}/metrics"),
     read("/v1/runs/{run}/settings"),
     read("/v1/runs/{run}/params"),

@@ -29,6 +29,7 @@ mod run_settings;
 mod run_tags;
 mod run_update;
 mod runs;
+mod sampler;
 mod scenarios;
 mod series;
 pub(super) mod sessions;
@@ -67,12 +68,7 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .merge(bulk_routes())
         .routes(routes!(columns::get_claimed_columns))
         .routes(routes!(events::stream_events))
-        .routes(routes!(mastery::get_mastery))
-        .routes(routes!(mastery::list_level_moves))
-        .routes(routes!(mastery::get_params))
-        .routes(routes!(series::get_series))
-        .routes(routes!(trainer_metrics::get_trainer_metrics, trainer_metrics::log_trainer_metrics))
-        .routes(routes!(overview::get_overview))
+        .merge(progress_routes())
         .routes(routes!(run_settings::list_run_settings))
         .routes(routes!(episode_list::list_episodes))
         .routes(routes!(episode_search::search_episodes))
@@ -107,6 +103,18 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(suites::list_suites))
         .routes(routes!(archive_runs::archive_many_runs))
         .routes(routes!(audit_log::list_audit_log))
+}
+
+/// Routes of the progress of a run: mastery, samplers, series and metrics.
+fn progress_routes() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new()
+        .routes(routes!(mastery::get_mastery))
+        .routes(routes!(mastery::list_level_moves))
+        .routes(routes!(mastery::get_params))
+        .routes(routes!(series::get_series))
+        .routes(routes!(sampler::get_sampler))
+        .routes(routes!(trainer_metrics::get_trainer_metrics, trainer_metrics::log_trainer_metrics))
+        .routes(routes!(overview::get_overview))
 }
 
 /// Routes whose bodies have the results of many episodes.

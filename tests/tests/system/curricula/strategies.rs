@@ -218,6 +218,6 @@ async fn scaled_starts_are_no_evidence() {
     let task = &mastery["tasks"][0];
     assert!(task["results"]["successes"].as_u64().unwrap() > 20, "{task}");
     assert_eq!(task["levels"], json!([]), "no slot was opened");
-    assert_eq!(task["status"]["top_rung"], 15);
-    assert!(task["status"]["rung_quartiles"].is_array(), "{task}");
+    let sampler = server.api().get("/v1/runs/near/sampler").await.expect(200)["tasks"][0].clone();
+    assert!(sampler["quartiles"].is_array(), "{sampler}");
 }

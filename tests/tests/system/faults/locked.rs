@@ -11,7 +11,7 @@ use system_tests::{ApiClient, ApiResponse, TestSocket};
 use super::{FaultyServer, report, start_run, wait_until_ready};
 
 /// Reads that must not wait for the lock.
-const READS: [&str; 8] = [
+const READS: [&str; 9] = [
     "/livez",
     "/readyz",
     "/metrics",
@@ -20,6 +20,7 @@ const READS: [&str; 8] = [
     "/v1/runs/run/params",
     "/v1/runs/run/overview",
     "/v1/runs/run/series",
+    "/v1/runs/run/sampler",
 ];
 
 /// Longest duration of an answer that waits for nothing, on a busy machine.

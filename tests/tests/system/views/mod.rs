@@ -1,6 +1,7 @@
-//! Read models of the dashboard: series, searches, overviews and flights, compared with the data that they summarise.
+//! Read models of the dashboard: series, samplers, searches, overviews and flights, compared with the data that they summarise.
 
 mod details;
+mod sampler;
 mod search;
 mod series;
 
