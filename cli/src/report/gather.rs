@@ -7,7 +7,7 @@ use api_types::EvaluationEstimates;
 use env_core::TaskSpec;
 use sqlx::{Acquire, SqliteConnection};
 
-use ::curriculum::{Explanation, Mastery, TaskStatus};
+use ::curriculum::{Explanation, Mastery, SamplerState, TaskStatus};
 use clock::Millis;
 use orchestrator::engine::task_history::mastery_samples;
 use orchestrator::evaluations::read;
@@ -65,6 +65,8 @@ pub(super) struct TaskReport {
     pub(super) spec: &'static dyn TaskSpec,
     /// Current level and params.
     pub(super) status: TaskStatus,
+    /// Sampler of the task.
+    pub(super) sampler: Option<SamplerState>,
     /// Mastery of the current level.
     pub(super) mastery: Option<Mastery>,
     /// Counters over all episodes except those of designed layouts and claimed columns.
@@ -85,7 +87,7 @@ pub(super) async fn gather(conn: &mut SqliteConnection, run: &str, now: Millis) 
     let mut conn = conn.begin().await?;
     let Some(row) = runs::get(&mut conn, run).await? else { bail!("there is no run {run}") };
     let progress = RunProgress::stored(&mut conn, run).await.context("the run's curriculum")?;
-    let RunProgress { status, mastery, explanation, sums: plain, .. } = progress;
+    let RunProgress { status, mastery, explanation, samplers, sums: plain, .. } = progress;
     let window = HistoryWindow::new(row.created_at, now, CURVE_POINTS, now);
     let mut points = history::curve(&mut conn, run, window).await?;
     update_last_points(&mut points, &mastery_samples(&status, &mastery));
@@ -97,6 +99,7 @@ pub(super) async fn gather(conn: &mut SqliteConnection, run: &str, now: Millis) 
         let of = |task: &str| task == status.task;
         tasks.push(TaskReport {
             spec,
+            sampler: samplers.iter().find(|sampler| of(&sampler.task)).cloned(),
             mastery: mastery.iter().find(|m| of(&m.task) && m.level == status.level).cloned(),
             sums: plain.get(&status.task).cloned().unwrap_or_default(),
             points: points.iter().filter(|point| of(&point.task)).cloned().collect(),

@@ -6,6 +6,7 @@ mod chart;
 mod gather;
 mod page;
 mod rose;
+mod sampler;
 
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -14,6 +14,7 @@ use store::task_counters::TaskCounters;
 use super::chart::{BLUE, Chart, Curve, GREEN, Interval, LevelMark, MAUVE, ORANGE};
 use super::gather::{EvaluationResult, MAX_LAYOUTS, RunReport, TaskReport};
 use super::rose::rose;
+use super::sampler::sampler_table;
 
 const STYLE: &str = "\
 :root{color-scheme:light;font:15px/1.45 system-ui,'Segoe UI',Roboto,sans-serif;color:#1b2430}\
@@ -157,6 +158,7 @@ fn task_section(report: &RunReport, task: &TaskReport) -> anyhow::Result<Markup>
         h2 { (task.spec.id()) }
         @if task.points.is_empty() { p .soft { "No results yet." } }
         @else { (figures(&pictures)) }
+        @if let Some(sampler) = &task.sampler { (sampler_table(sampler)) }
         (level_moves(task))
         (failure_modes(task))
     })

@@ -20,6 +20,11 @@ export const TERMS = {
   avoidable: "Failure that a burn could still have averted when the danger first became visible.",
   "zero variance":
     "A group whose episodes all have the same score: group-relative algorithms (GRPO) get no learning signal from it.",
+  sampler:
+    "Part of the strategy that chooses the next scenario of a task, by the latest results. It claims no mastery.",
+  rung: "Step of difficulty of a task: a start rung, which is a value of the param start_scale, or a level.",
+  chain:
+    "Position on the rungs that a staircase moves up after a success and down after a failure. A task has many.",
   role: "Purpose of the scenario: current level (frontier), search for the initial level (placement), earlier levels (rehearsal), a designed layout, or the suite of an evaluation; other strategies have more.",
 } as const;
 

@@ -39,6 +39,9 @@ async fn report_is_one_self_contained_page() {
     for text in [
         "kessler/survival",
         "Mastery and success",
+        "Sampler: staircase",
+        "Chosen by auto, because",
+        "Rungs of the sampler (10)",
         "Failure modes",
         "collision",
         "Rules of the curriculum",
