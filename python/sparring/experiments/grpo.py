@@ -118,12 +118,11 @@ class GroupCollector:
         self.team_returns += infos["episode"]["r"][over].tolist()
         steps, trains = list(self._steps), self.envs.train
         for env in over:
-            group = self._open[self._scenarios[env]]
             if self._trains[env]:
-                episode = steps[self._begins[env] - self._dropped :]
+                group, episode = self._open[self._scenarios[env]], steps[self._begins[env] - self._dropped :]
                 group.append(Episode(*(np.stack([array[env] for array in arrays]) for arrays in zip(*episode, strict=True))))
-            if len(group) == self.group_size:
-                yield self._open.pop(self._scenarios[env])
+                if len(group) == self.group_size:
+                    yield self._open.pop(self._scenarios[env])
             self._begins[env], self._scenarios[env] = self._dropped + len(steps), self.envs.scenario(int(env))
         self._absent[over], self._trains[over] = self.envs.absent_agents()[over], trains[over]
         for _ in range(self._begins.min() - self._dropped):
