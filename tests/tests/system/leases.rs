@@ -268,7 +268,7 @@ async fn failed_episodes_count_as_missing() {
     let api = server.api();
     let id = create_run(
         &api,
-        json!({"seed": 9, "placement": false, "tasks": ["kessler/survival"], "design": {"designer": "off"}}),
+        json!({"seed": 9, "strategy": "ladder", "placement": false, "tasks": ["kessler/survival"], "design": {"designer": "off"}}),
     )
     .await;
     for _ in 0..4 {

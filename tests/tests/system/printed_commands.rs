@@ -18,7 +18,7 @@ use wiremock::{Mock, MockServer};
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
 /// Beginnings of lines that this test does not run, each with the reason.
-const NOT_RUN: [(&str, &str); 22] = [
+const NOT_RUN: [(&str, &str); 23] = [
     ("make ", "builds; `make test` is the command that runs this test"),
     (". .venv/bin/activate", "python/tests/test_docs.py makes and uses the environment"),
     ("python examples/first_trainer.py", "python/tests/test_docs.py runs the trainer of the README"),
@@ -31,6 +31,7 @@ const NOT_RUN: [(&str, &str); 22] = [
     ("export PIP_FIND_LINKS", "a variable of pip"),
     ("cargo build --profile dist", "builds for minutes"),
     ("cargo run --profile dist", "measures for minutes; `make bench` runs it"),
+    ("valgrind ", "needs Valgrind, and counts instructions for minutes"),
     ("sudo ", "needs root and systemd"),
     ("echo 'SPARRING_LLM_KEY=…' | sudo", "needs root"),
     ("docker ", "needs a container engine"),
@@ -112,6 +113,7 @@ macro_rules! pages_run {
 pages_run! {
     readme_commands_run: "README.md",
     first_run_commands_run: "docs/guides/first-run.md",
+    choose_a_curriculum_commands_run: "docs/guides/choose-a-curriculum.md",
     evaluate_commands_run: "docs/guides/evaluate.md",
     export_onnx_commands_run: "docs/guides/export-onnx.md",
     language_models_commands_run: "docs/guides/language-models.md",
@@ -120,6 +122,8 @@ pages_run! {
     train_verifiers_commands_run: "docs/guides/train-verifiers.md",
     data_commands_run: "docs/reference/data.md",
     design_language_commands_run: "docs/reference/design-language.md",
+    design_language_docking_commands_run: "docs/reference/design-language-docking.md",
+    design_language_tasking_commands_run: "docs/reference/design-language-tasking.md",
     evidence_commands_run: "docs/reference/evidence.md",
     openenv_commands_run: "docs/reference/openenv.md",
     strategies_commands_run: "docs/reference/strategies.md",

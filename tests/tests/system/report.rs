@@ -39,8 +39,7 @@ async fn report_is_one_self_contained_page() {
     for text in [
         "kessler/survival",
         "Mastery and success",
-        "Sampler: staircase",
-        "Chosen by auto, because",
+        "Sampler: ladder",
         "Rungs of the sampler (10)",
         "Failure modes",
         "collision",
