@@ -11,6 +11,7 @@
 mod audit_log;
 mod columns;
 mod critiques;
+mod design_statistics;
 mod designs;
 mod episodes;
 mod evaluation_results;
@@ -43,6 +44,7 @@ mod versions;
 pub use self::audit_log::*;
 pub use self::columns::*;
 pub use self::critiques::*;
+pub use self::design_statistics::*;
 pub use self::designs::*;
 pub use self::episodes::*;
 pub use self::evaluation_results::*;

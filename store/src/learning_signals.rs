@@ -7,7 +7,7 @@ use super::StoreError;
 /// Sums over the groups of one kind, which fade.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct SignalSums {
-    /// Number of groups.
+    /// Number of all groups.
     pub weight: f64,
     /// Success rates of the groups.
     pub success_sum: f64,
@@ -20,7 +20,7 @@ pub struct SignalSums {
 /// Sums of both kinds of groups of a run.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct LearningSignalSums {
-    /// Groups on proposals.
+    /// Groups on ordinary proposals.
     pub ordinary: SignalSums,
     /// Groups on designed layouts.
     pub designed: SignalSums,

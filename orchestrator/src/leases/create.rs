@@ -194,7 +194,7 @@ impl Change for CreateLease {
     }
 }
 
-/// What a group of a lease serves: a layout, a proposal, or a layout in place of the scenario of a proposal.
+/// Choice for a group of a lease: a layout, a proposal, or a layout in place of the scenario of a proposal.
 struct GroupChoice {
     layout: Option<ServableLayout>,
     proposal: Option<QueuedProposal>,

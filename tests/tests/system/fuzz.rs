@@ -24,7 +24,8 @@ fn rounds() -> u64 {
 
 /// Returns valid requests for most operations with a body: method, path and body.
 async fn valid_requests(api: &ApiClient) -> Vec<(&'static str, String, Value)> {
-    let _ = api.post("/v1/runs", json!({"id": "run", "strategy": "ladder", "group_size": 2})).await.expect(201);
+    let _ =
+        api.post("/v1/runs", json!({"id": "run", "strategy": "ladder", "group_size": 2})).await.expect(201);
     let lease = api.lease("run", json!({"groups": 3, "ttl_s": 600})).await;
     let results = lease.results("random");
     let columns = api.lease("run", json!({"groups": 8, "form": "columns", "ttl_s": 600})).await;

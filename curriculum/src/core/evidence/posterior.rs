@@ -9,7 +9,7 @@ use statrs::distribution::{Beta, ContinuousCDF};
 /// a scenario and are not independent, so a group is one observation of a level however large it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Posterior {
-    /// Number of observations.
+    /// Number of all observations.
     pub n: u32,
     /// Sum of the observations, 0 to `n`.
     pub sum: f64,
