@@ -1,7 +1,5 @@
 //! Designs of a run, and the requests to designers that they come from.
 
-use std::collections::BTreeMap;
-
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};

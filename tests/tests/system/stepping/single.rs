@@ -82,7 +82,7 @@ async fn episode_runs_to_its_end_and_the_next_one_starts() {
     let restarted = socket.request(&json!({"type": "reset", "id": 1001})).await;
     assert_eq!((&restarted["type"], &restarted["observation"]), (&json!("started"), &opened["observation"]));
     let other =
-        socket.request(&json!({"strategy": "ladder", "type": "reset", "id": 1002, "task": "docking/multiagent", "seed": 4})).await;
+        socket.request(&json!({"type": "reset", "id": 1002, "task": "docking/multiagent", "seed": 4})).await;
     assert_eq!(other["observation"]["deputies"].as_array().unwrap().len(), 3);
     let thrust = json!({"thrusts": [{"deputy_id": 0, "thrust_x": 0.5, "thrust_y": 0.0, "thrust_z": 0.0}]});
     assert_eq!(socket.step(1003, &thrust).await["step"], 1);

@@ -17,7 +17,7 @@ use system_tests::{ApiClient, ApiResponse, wait_for, wait_until};
 /// Creates a run of one task whose scenarios are quick to prepare; `overrides` replaces settings.
 pub(crate) async fn create_run(api: &ApiClient, id: &str, overrides: Value) {
     let mut settings = json!({
-        "id": id, "seed": 5, "group_size": 2, "tasks": ["kessler/survival"], "contested_share": 0.0,
+        "strategy": "ladder", "id": id, "seed": 5, "group_size": 2, "tasks": ["kessler/survival"], "contested_share": 0.0,
         "placement": false, "design": {"designer": "off"},
     });
     settings.as_object_mut().unwrap().extend(overrides.as_object().unwrap().clone());
