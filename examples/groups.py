@@ -154,6 +154,7 @@ def main():
     settings = {
         "tasks": ["kessler/survival"],
         "group_size": args.group_size,
+        "strategy": "ladder",
         "placement": False,
         "design": {"designer": "off"},
     }

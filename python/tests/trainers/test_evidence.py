@@ -16,7 +16,7 @@ pytest.importorskip("scipy")
 
 import sparring
 from sparring.experiments import ppo
-from sparring.experiments.evidence import cli, held_out, protocol, runner, statistics
+from sparring.experiments.evidence import cli, held_out, protocol, report, runner, statistics
 from sparring.experiments.evidence.statistics import Outcome
 from sparring.experiments.evidence.training import Training
 
@@ -49,6 +49,12 @@ def test_ratio_pairs_seeds_and_counts_misses_as_the_budget():
     assert statistics.ratio_of_steps(fast, [outcome(9, [0.0] * 5)], 0.6) is None
     interval = statistics.mean([1.0, 2.0, 3.0, 4.0])
     assert interval.low < 2.5 == interval.mean < interval.high
+
+
+def test_curves_with_other_evaluations_are_drawn(tmp_path):
+    outcomes = [outcome(1, [0.0, 0.5, 1.0]), outcome(2, [0.0, 0.2, 0.4, 1.0])]
+    report._draw(outcomes[0].problem, outcomes, tmp_path / "curves.svg")
+    assert (tmp_path / "curves.svg").stat().st_size > 5_000
 
 
 def test_designs_are_compared_with_their_control():

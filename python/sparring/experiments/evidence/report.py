@@ -151,8 +151,9 @@ def _draw(problem: Problem, outcomes: Sequence[Outcome], file: Path) -> None:
                 continue
             color = f"C{ARMS.index(arm) % 10}"
             style = "-" if ARMS.index(arm) < 10 else "--"
-            steps = trainings[0].steps / 1e6
-            values = np.array([outcome.values for outcome in trainings])
+            grid = trainings[0].steps  # trainings end rollouts, and so evaluate, at different steps
+            values = np.array([np.interp(grid, outcome.steps, outcome.values) for outcome in trainings])
+            steps = grid / 1e6
             axes[0].plot(steps, values.mean(axis=0), style, color=color, label=arm.name)
             axes[0].fill_between(steps, values.min(axis=0), values.max(axis=0), color=color, alpha=0.12, linewidth=0)
             _draw_survival(axes[1], problem, trainings, color, style)
