@@ -40,9 +40,7 @@ pub trait DesignLanguage: Sync {
     fn refusal_words(&self) -> &'static RefusalWords;
 
     /// Returns the params that a design may choose: those of the brief that have an effect on a layout.
-    fn param_choices<'a>(&self, brief: &'a DesignBrief) -> Vec<&'a ParamChoice> {
-        brief.param_choices.iter().collect()
-    }
+    fn param_choices<'a>(&self, brief: &'a DesignBrief) -> Vec<&'a ParamChoice>;
 
     /// Returns the rules of the world and of the language, as text for a prompt.
     fn rules(&self, brief: &DesignBrief) -> String;
@@ -83,10 +81,7 @@ pub trait DesignLanguage: Sync {
     ///
     /// # Errors
     /// Returns the condition that is not met.
-    fn check_decoy(&self, scenario: &Scenario, bracket: &Bracket) -> Result<(), FieldError> {
-        let _ = (scenario, bracket);
-        Err(FieldError::new("aim.mode", "must be another one: the world has no decoys"))
-    }
+    fn check_decoy(&self, scenario: &Scenario, bracket: &Bracket) -> Result<(), FieldError>;
 
     /// Returns the distance of two designs: 0 for equal ones, 1 for unrelated ones.
     fn distance(&self, a: &Value, b: &Value) -> f64;

@@ -35,7 +35,10 @@ pub mod replay;
 mod schema_forms;
 pub mod svg;
 pub mod tasking;
+#[cfg(test)]
+mod test_support;
 mod untrusted_text;
+mod world_language;
 
 pub use self::brief::DesignBrief;
 pub use self::design_language::{DesignLanguage, DesignTable, LayoutKind, LayoutView, PromptTexts};

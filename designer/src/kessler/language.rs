@@ -1,5 +1,7 @@
 //! [`KesslerLanguage`]: the design language of kessler.
 
+use std::collections::BTreeMap;
+
 use env_core::bracket::Bracket;
 use env_core::{KeyedRng, Scenario};
 use serde_json::Value;
@@ -10,125 +12,115 @@ use super::design::Design;
 use super::vocabulary::FRAMES;
 use super::{checks, edit, novelty, picture, sample, schema, table};
 use crate::brief::DesignBrief;
-use crate::design_fields::{check_mode, check_params};
-use crate::design_language::{DesignLanguage, DesignTable, LayoutKind, LayoutView, PromptTexts};
+use crate::design_language::{DesignTable, LayoutKind, LayoutView, PromptTexts};
 use crate::field_error::FieldError;
 use crate::refusal::{Refusal, RefusalWords};
 use crate::untrusted_text::identifier;
+use crate::world_language::WorldLanguage;
 
 /// Design language of kessler.
 #[derive(Debug, Clone, Copy)]
 pub struct KesslerLanguage;
 
-/// Texts of the world's prompts.
-const PROMPT: PromptTexts = PromptTexts {
-    version: "kessler-2",
-    system: include_str!("../../prompts/kessler-2/system.md"),
-    unknown_failures: "The failures of the agent are unknown: vary aims, bearings, speeds and satellites.",
-    profile_columns: "bearing in degrees (frame radial_in_track, sectors of 30) | relative speed | steps left to act",
-};
+impl WorldLanguage for KesslerLanguage {
+    type Design = Design;
 
-/// Words of the world in refusals.
-const WORDS: RefusalWords = RefusalWords {
-    agents: "satellites",
-    harmless: "no satellite is lost if no satellite burns; add a threat that hits",
-    solvable_fix: "choose fewer or later threats, or more fuel",
-    contested_fix: "choose more threats, to more satellites",
-    new_fix: "change bearings, steps or satellites",
-};
+    const PROMPT: PromptTexts = PromptTexts {
+        version: "kessler-2",
+        system: include_str!("../../prompts/kessler-2/system.md"),
+        unknown_failures: "The failures of the agent are unknown: vary aims, bearings, speeds and satellites.",
+        profile_columns: "bearing in degrees (frame radial_in_track, sectors of 30) | relative speed | steps left to act",
+    };
+    const WORDS: RefusalWords = RefusalWords {
+        agents: "satellites",
+        harmless: "no satellite is lost if no satellite burns; add a threat that hits",
+        solvable_fix: "choose fewer or later threats, or more fuel",
+        contested_fix: "choose more threats, to more satellites",
+        new_fix: "change bearings, steps or satellites",
+    };
 
-impl DesignLanguage for KesslerLanguage {
-    fn prompt_texts(&self) -> &'static PromptTexts {
-        &PROMPT
+    fn from_json(design: &Value) -> Result<Design, FieldError> {
+        Design::from_json(design)
     }
 
-    fn refusal_words(&self) -> &'static RefusalWords {
-        &WORDS
+    fn to_json(design: &Design) -> Value {
+        design.to_json()
     }
 
-    fn rules(&self, brief: &DesignBrief) -> String {
-        schema::rules(brief)
+    fn mode(design: &Design) -> &str {
+        &design.aim.mode
     }
 
-    fn schema(&self, brief: &DesignBrief) -> Value {
-        schema::design_schema(brief)
+    fn params(design: &Design) -> &BTreeMap<String, f64> {
+        &design.params
     }
 
-    fn is_design(&self, value: &Value) -> bool {
+    fn allowed_modes(brief: &DesignBrief) -> Vec<&'static str> {
+        allowed_aims(brief).map(|aim| aim.mode).collect()
+    }
+
+    /// A level without rogues allows none.
+    fn check_brief(design: &Design, brief: &DesignBrief) -> Result<(), FieldError> {
+        let rogue = design.encounters.iter().position(|encounter| encounter.is_rogue);
+        rogue.filter(|_| !allows_rogues(brief)).map_or(Ok(()), |at| {
+            Err(FieldError::new(format!("encounters.{at}.rogue"), "must be false: the level has no rogues"))
+        })
+    }
+
+    fn is_design(value: &Value) -> bool {
         value.get("encounters").is_some()
     }
 
-    fn parse(&self, design: &Value, brief: &DesignBrief) -> Result<Value, FieldError> {
-        parse_for(design, brief).map(|design| design.to_json())
-    }
-
-    fn build(&self, design: &Value, base: &Scenario) -> Result<(Scenario, LayoutKind), Refusal> {
-        let design = Design::from_json(design).map_err(Refusal::Schema)?;
-        let compiled = compile(&design, base).map_err(Refusal::Compiles)?;
-        check_aim(&design, &compiled.placed).map_err(Refusal::Aim)?;
-        let kind = if has_threat(&design) { LayoutKind::Threat } else { LayoutKind::Decoy };
+    fn build(design: &Design, base: &Scenario) -> Result<(Scenario, LayoutKind), Refusal> {
+        let compiled = compile(design, base).map_err(Refusal::Compiles)?;
+        check_aim(design, &compiled.placed).map_err(Refusal::Aim)?;
+        let kind = if has_threat(design) { LayoutKind::Threat } else { LayoutKind::Decoy };
         Ok((compiled.scenario, kind))
     }
 
-    fn is_harmless(&self, _: &Scenario, bracket: &Bracket) -> bool {
+    fn is_harmless(_: &Scenario, bracket: &Bracket) -> bool {
         bracket.panel.first().is_none_or(|hold| hold.lost == 0)
     }
 
-    fn check_reaction(&self, scenario: &Scenario) -> Result<(), FieldError> {
+    fn check_reaction(scenario: &Scenario) -> Result<(), FieldError> {
         checks::check_visibility(scenario)
     }
 
-    fn check_decoy(&self, scenario: &Scenario, bracket: &Bracket) -> Result<(), FieldError> {
+    fn check_decoy(scenario: &Scenario, bracket: &Bracket) -> Result<(), FieldError> {
         checks::check_decoy(scenario, bracket)
     }
 
-    fn distance(&self, a: &Value, b: &Value) -> f64 {
-        match (Design::from_json(a), Design::from_json(b)) {
-            (Ok(a), Ok(b)) => novelty::distance(&a, &b),
-            _ => 1.0, // an invalid design is similar to none
-        }
+    fn distance(a: &Design, b: &Design) -> f64 {
+        novelty::distance(a, b)
     }
 
-    fn sample(&self, brief: &DesignBrief, base: &Scenario, rng: &mut KeyedRng) -> Option<Value> {
-        sample::sample_design(brief, base, rng).map(|design| design.to_json())
-    }
-
-    fn edit(
-        &self,
-        design: &Value,
-        brief: &DesignBrief,
-        base: &Scenario,
-        rng: &mut KeyedRng,
-    ) -> Option<Value> {
-        let design = parse_for(design, brief).ok()?;
-        edit::edit_design(&design, brief, base, rng).map(|design| design.to_json())
-    }
-
-    fn aim_place(&self, design: &Value) -> Option<String> {
+    fn aim_place(design: &Value) -> Option<String> {
         let bearing = design.pointer("/aim/bearing_deg").and_then(Value::as_u64)?;
         let frame = design.get("frame").and_then(Value::as_str).unwrap_or(FRAMES[0].name);
         Some(format!("from {bearing} degrees ({})", identifier(frame)))
     }
 
-    fn table(&self, design: &Value) -> Option<DesignTable> {
-        Design::from_json(design).ok().map(|design| table::design_table(&design))
+    fn rules(brief: &DesignBrief) -> String {
+        schema::rules(brief)
     }
 
-    fn draw(&self, layout: LayoutView<'_>) -> String {
+    fn schema(brief: &DesignBrief) -> Value {
+        schema::design_schema(brief)
+    }
+
+    fn sample(brief: &DesignBrief, base: &Scenario, rng: &mut KeyedRng) -> Option<Design> {
+        sample::sample_design(brief, base, rng)
+    }
+
+    fn edit(design: &Design, brief: &DesignBrief, base: &Scenario, rng: &mut KeyedRng) -> Option<Design> {
+        edit::edit_design(design, brief, base, rng)
+    }
+
+    fn table(design: &Design) -> DesignTable {
+        table::design_table(design)
+    }
+
+    fn draw(layout: LayoutView<'_>) -> String {
         picture::draw(layout)
     }
-}
-
-/// Parses a design, and checks that the brief allows its aim, params and rogues.
-fn parse_for(design: &Value, brief: &DesignBrief) -> Result<Design, FieldError> {
-    let design = Design::from_json(design)?;
-    check_mode(&design.aim.mode, &allowed_aims(brief).map(|aim| aim.mode).collect::<Vec<_>>())?;
-    check_params(&design.params, brief, &KesslerLanguage.param_choices(brief))?;
-    if let Some(at) = design.encounters.iter().position(|e| e.is_rogue).filter(|_| !allows_rogues(brief)) {
-        return Err(FieldError::new(
-            format!("encounters.{at}.rogue"),
-            "must be false: the level has no rogues",
-        ));
-    }
-    Ok(design)
 }

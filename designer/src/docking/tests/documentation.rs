@@ -7,17 +7,9 @@ use crate::GateCheck;
 use crate::docking::DockingDesign;
 use crate::docking::aim::AIMS;
 use crate::docking::vocabulary::{DeputyBound, NUMBERS};
+use crate::test_support::assert_documented;
 
 const DOCUMENT: &str = include_str!("../../../../docs/reference/design-language-docking.md");
-
-/// Asserts that the document has a table with these rows after the comment `<!-- mark -->`.
-fn assert_documented(mark: &str, rows: &str) {
-    let (_, rest) = DOCUMENT.split_once(&format!("<!-- {mark} -->\n")).expect("the mark is there");
-    let (table, _) = rest.split_once("<!-- end -->").expect("and its end");
-    let rows_of_table = table.lines().filter(|line| line.starts_with('|'));
-    let body = rows_of_table.skip(2).collect::<Vec<_>>().join("\n");
-    assert_eq!(body.trim(), rows.trim(), "{mark}: replace the rows by:\n{rows}");
-}
 
 #[test]
 fn documented_numbers_match_the_language() {
@@ -25,7 +17,7 @@ fn documented_numbers_match_the_language() {
     for DeputyBound { name, min, max, description, .. } in NUMBERS {
         let _ = writeln!(rows, "| `{name}` | {min} | {max} | {description} |");
     }
-    assert_documented("numbers", &rows);
+    assert_documented(DOCUMENT, "numbers", &rows);
 }
 
 #[test]
@@ -34,7 +26,7 @@ fn documented_aims_match_the_language() {
     for aim in AIMS {
         let _ = writeln!(rows, "| `{}` | {} |", aim.mode, aim.needs);
     }
-    assert_documented("aims", &rows);
+    assert_documented(DOCUMENT, "aims", &rows);
 }
 
 /// Returns the refusal of a design in the first base scenario.
@@ -59,7 +51,7 @@ fn documented_refusals_are_those_of_the_gate() {
         assert_eq!(refusal.check(), check, "{refusal}");
         let _ = writeln!(rows, "| {} | *{refusal}* |", check.as_str());
     }
-    assert_documented("refusals", &rows);
+    assert_documented(DOCUMENT, "refusals", &rows);
 }
 
 #[test]

@@ -1,27 +1,21 @@
 //! The gate admits only layouts that keep their claim, and refuses others by the right check.
 
-use env_core::admission::is_success;
 use env_core::log::Precision;
 use env_core::rollout::{replay, roll_out};
 use env_core::{ActionLog, StopReason};
 use proptest::prelude::*;
 
 use super::*;
-use crate::brief::{LayoutOutcome, PastLayout};
 use crate::docking::aim::allowed_aims;
 use crate::docking::{DockingDesign, vocabulary};
 use crate::procedural::ProceduralDesigner;
-use crate::{AdmittedLayout, GateCheck, LayoutKind, MIN_NOVELTY};
+use crate::test_support::{assert_reference_succeeds, count_children};
+use crate::{AdmittedLayout, GateCheck, LayoutKind};
 
-/// Replays an admitted layout from its JSON form with the engine, and asserts what the gate found with the planner.
+/// Asserts what the gate found, and that no deputy docks by itself.
 fn assert_keeps_claim(admitted: &AdmittedLayout) {
-    let stored = Scenario::from_json(&admitted.scenario().to_json()).unwrap();
-    assert_eq!(stored.id(), admitted.scenario().id());
+    let stored = assert_reference_succeeds(admitted);
     assert_eq!(admitted.kind(), LayoutKind::Threat);
-    let bracket = admitted.bracket();
-    let reference = replay(&stored, &bracket.reference_plan).unwrap();
-    assert_eq!(reference, bracket.reference);
-    assert!(is_success(&stored, env_core::SuccessRule::Task, bracket, &reference));
     let mut hold = ActionLog::new(3, Precision::F64);
     hold.stopped = Some(StopReason::TooLate); // the remaining steps hold
     let held = replay(&stored, &hold).unwrap();
@@ -40,7 +34,7 @@ proptest! {
     ) {
         let mut brief = brief_at_level(task, level, seed);
         brief.count = 1;
-        brief.profile = profile_of_one_mode(task, mode);
+        brief.profile = aimed_profile(task, mode);
         let outcome = ProceduralDesigner::design_layouts(&brief, &mut empty_gate());
         for judged in &outcome.judged {
             match &judged.verdict {
@@ -57,7 +51,7 @@ proptest! {
 fn admission_rate(task: &str, level: u32, mode: &str) -> f64 {
     const ATTEMPTS: usize = 16;
     let mut brief = brief_at_level(task, level, 1);
-    brief.profile = profile_of_one_mode(task, mode);
+    brief.profile = aimed_profile(task, mode);
     let designs = ProceduralDesigner::preview(&brief, language(), ATTEMPTS);
     let mut gate = empty_gate();
     let admitted = designs.iter().enumerate().filter(|(number, design)| {
@@ -113,7 +107,7 @@ fn layouts_cause_the_failure_that_they_aim_at() {
         let mut brief = brief_at_level(task, level, 1);
         let own: Vec<Scenario> = (0..16).map(|number| brief.base_scenario(number)).collect();
         brief.count = 16;
-        brief.profile = profile_of_one_mode(task, mode);
+        brief.profile = aimed_profile(task, mode);
         let outcome = ProceduralDesigner::design_layouts(&brief, &mut empty_gate());
         let admitted = outcome.judged.iter().filter_map(|judged| judged.verdict.as_ref().ok());
         let layouts: Vec<Scenario> = admitted.map(|layout| layout.scenario().clone()).collect();
@@ -127,7 +121,7 @@ fn aim_follows_the_failure_profile() {
     for (task, mode) in [("single", "crash"), ("single", "timeout"), ("multiagent", "collision")] {
         let task = format!("docking/{task}");
         let mut brief = brief_at_level(&task, 5, 5);
-        brief.profile = profile_of_one_mode(&task, mode);
+        brief.profile = aimed_profile(&task, mode);
         let outcome = ProceduralDesigner::design_layouts(&brief, &mut empty_gate());
         assert_eq!(outcome.admitted(), 4, "{mode}: {:?}", outcome.judged);
         let admitted = outcome.judged.iter().filter(|judged| judged.verdict.is_ok());
@@ -145,27 +139,9 @@ fn aim_follows_the_failure_profile() {
 
 #[test]
 fn successful_layouts_are_edited() {
-    let mut brief = brief_at_level("docking/multiagent", 4, 8);
-    let first = ProceduralDesigner::design_layouts(&brief, &mut empty_gate());
-    let parent = first.judged.iter().find_map(|judged| judged.verdict.as_ref().ok()).unwrap();
-    let design = parent.scenario().recipe().layout().unwrap().provenance.clone().unwrap();
-    let outcome = LayoutOutcome::Evaluated {
-        episodes: 8,
-        success_rate: 0.0,
-        regret: 1.0,
-        aimed_share: None,
-        is_retired: false,
-    };
-    let seed = Some(parent.scenario().seed());
-    brief.past_layouts = vec![PastLayout { design: design.clone(), seed, outcome }];
-    brief.count = 12;
-    let gate = &mut Gate::new(language(), vec![design.clone()]);
-    let next = ProceduralDesigner::design_layouts(&brief, gate);
-    let similar = next.judged.iter().filter(|judged| judged.verdict.is_ok()).filter(|judged| {
-        let distance = language().distance(judged.design.as_ref().unwrap(), &design);
-        (MIN_NOVELTY..0.2).contains(&distance)
-    });
-    assert!(similar.count() >= 2, "children are similar to their parent, but not equal");
+    let brief = brief_at_level("docking/multiagent", 4, 8);
+    let children = count_children(language(), &brief, 12, 0.2);
+    assert!(children >= 2, "children are similar to their parent, but not equal");
 }
 
 /// Returns the name of the check that refuses a design, or `admitted`.

@@ -184,7 +184,7 @@ fn sampled_designs_satisfy_the_schema() {
 #[test]
 fn prompt_for_a_team() {
     let mut brief = brief_at_level("docking/multiagent", 4, 1);
-    brief.profile = profile_of_one_mode("docking/multiagent", "collision");
+    brief.profile = aimed_profile("docking/multiagent", "collision");
     let past = json!({"name": "together", "aim": {"mode": "collision", "bearing_deg": 90}});
     let outcome = crate::brief::LayoutOutcome::Untested;
     brief.past_layouts = vec![crate::brief::PastLayout { design: past, seed: None, outcome }];

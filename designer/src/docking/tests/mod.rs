@@ -10,7 +10,7 @@ use std::sync::Arc;
 use env_core::{Recipe, Scenario, Seed};
 use serde_json::{Value, json};
 
-use crate::profile::{FailureCell, ModeProfile};
+use crate::test_support::profile_of_one_mode;
 use crate::{DesignBrief, DesignLanguage, FailureProfile, Gate, design_language};
 
 /// All failure modes that a layout can aim at.
@@ -23,19 +23,10 @@ fn brief_at_level(task_id: &str, level: u32, seed: u64) -> DesignBrief {
     DesignBrief::new(Arc::new(recipe), 4, seed).at_level(task.levels(), level)
 }
 
-/// A profile with failures of one mode only, from sector 3.
-fn profile_of_one_mode(task: &str, mode: &str) -> FailureProfile {
+/// A profile with failures of one mode only, from sector 3 if the mode has sectors.
+fn aimed_profile(task: &str, mode: &str) -> FailureProfile {
     let has_sector = matches!(mode, "crash" | "collision");
-    let (sector, band) = (has_sector.then_some(3), has_sector.then_some(2));
-    let cell = FailureCell { sector, band, count: 9, weight: 9.0, ..FailureCell::default() };
-    let mode = ModeProfile {
-        mode: mode.to_owned(),
-        count: 9,
-        weight: 9.0,
-        cells: vec![cell],
-        ..ModeProfile::default()
-    };
-    FailureProfile { task: task.to_owned(), criticised: 50, weight: 50.0, modes: vec![mode] }
+    profile_of_one_mode(task, mode, has_sector.then_some(3), has_sector.then_some(2))
 }
 
 fn language() -> &'static dyn DesignLanguage {

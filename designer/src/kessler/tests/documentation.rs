@@ -10,25 +10,13 @@ use serde_json::{Value, json};
 use super::{Design, Encounter};
 use crate::kessler::aim::AIMS;
 use crate::kessler::vocabulary::{BEARING, Bound, FRAMES, KINDS, KindSpec, MISS, SATELLITE, SPEED, STEP};
+use crate::test_support::assert_documented;
 use crate::{DesignBrief, Gate, GateCheck, Refusal, design_language};
 
 const DOCUMENT: &str = include_str!("../../../../docs/reference/design-language.md");
 
 const SURVIVAL: &str = "kessler/survival";
 const ECO_STATION: &str = "kessler/eco_station";
-
-/// Asserts that the document has a table with these rows after the comment `<!-- mark -->`.
-fn assert_documented(mark: &str, rows: &str) {
-    let (_, rest) = DOCUMENT.split_once(&format!("<!-- {mark} -->\n")).expect("the mark is there");
-    let (table, _) = rest.split_once("<!-- end -->").expect("and its end");
-    let rows_of_table = table.lines().filter(|line| line.starts_with('|'));
-    let body = rows_of_table.skip(2).collect::<Vec<_>>().join("\n");
-    assert_eq!(
-        body.trim(),
-        rows.trim(),
-        "docs/reference/design-language.md, {mark}: replace the rows by:\n{rows}"
-    );
-}
 
 #[test]
 fn documented_bounds_match_the_language() {
@@ -41,7 +29,7 @@ fn documented_bounds_match_the_language() {
         };
         let _ = writeln!(rows, "| `{name}` | {min} | {max} | {unit} | {description} |");
     }
-    assert_documented("limits", &rows);
+    assert_documented(DOCUMENT, "limits", &rows);
 }
 
 #[test]
@@ -50,7 +38,7 @@ fn documented_kinds_match_the_language() {
     for KindSpec { name, min_miss, max_miss, description, .. } in KINDS {
         let _ = writeln!(rows, "| `{name}` | {min_miss} to {max_miss} | {description} |");
     }
-    assert_documented("kinds", &rows);
+    assert_documented(DOCUMENT, "kinds", &rows);
 }
 
 #[test]
@@ -59,7 +47,7 @@ fn documented_frames_match_the_language() {
     for frame in FRAMES {
         let _ = writeln!(rows, "| `{}` | {} |", frame.name, frame.description);
     }
-    assert_documented("frames", &rows);
+    assert_documented(DOCUMENT, "frames", &rows);
 }
 
 #[test]
@@ -68,7 +56,7 @@ fn documented_aims_match_the_language() {
     for aim in AIMS {
         let _ = writeln!(rows, "| `{}` | {} |", aim.mode, aim.needs);
     }
-    assert_documented("aims", &rows);
+    assert_documented(DOCUMENT, "aims", &rows);
 }
 
 fn brief(task: &str, params: &[(&str, f64)]) -> DesignBrief {
@@ -148,7 +136,7 @@ fn documented_checks_match_the_gate() {
         let example = example.unwrap_or_else(|| panic!("no example of {check:?}"));
         let _ = writeln!(rows, "| {} | {} | *{example}* |", check.as_str(), check.description());
     }
-    assert_documented("checks", &rows);
+    assert_documented(DOCUMENT, "checks", &rows);
 }
 
 #[test]

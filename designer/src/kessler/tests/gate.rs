@@ -6,13 +6,9 @@ use env_core::task;
 use serde_json::Value;
 
 use super::*;
-use crate::brief::{LayoutOutcome, PastLayout};
 use crate::procedural::ProceduralDesigner;
-use crate::profile::{FailureCell, ModeProfile};
-use crate::{
-    AdmittedLayout, DesignBrief, FailureProfile, Gate, GateCheck, LayoutKind, MIN_NOVELTY, Refusal,
-    design_language,
-};
+use crate::test_support::{assert_reference_succeeds, count_children, count_edits, profile_of_one_mode};
+use crate::{AdmittedLayout, DesignBrief, Gate, GateCheck, LayoutKind, Refusal, design_language};
 
 /// A brief for four layouts at a level of a task.
 pub(super) fn brief_at_level(task_id: &str, level: u32, seed: u64) -> DesignBrief {
@@ -26,28 +22,10 @@ pub(super) fn empty_gate() -> Gate {
     Gate::new(design_language(task("kessler/survival").unwrap()).unwrap(), Vec::new())
 }
 
-/// A profile with failures of one mode only, from sector 3.
-fn profile_of_one_mode(task: &str, mode: &str) -> FailureProfile {
-    let cell =
-        FailureCell { sector: Some(3), band: Some(2), count: 9, weight: 9.0, ..FailureCell::default() };
-    let mode = ModeProfile {
-        mode: mode.to_owned(),
-        count: 9,
-        weight: 9.0,
-        cells: vec![cell],
-        ..ModeProfile::default()
-    };
-    FailureProfile { task: task.to_owned(), criticised: 50, weight: 50.0, modes: vec![mode] }
-}
-
-/// Replays an admitted layout from its JSON form with the engine, and asserts what the gate found with the planner.
+/// Asserts what the gate found, and that no satellite burns more fuel than it has.
 fn assert_keeps_claim(admitted: &AdmittedLayout) {
-    let stored = Scenario::from_json(&admitted.scenario().to_json()).unwrap();
-    assert_eq!(stored.id(), admitted.scenario().id());
-    let bracket = admitted.bracket();
-    let reference = replay(&stored, &bracket.reference_plan).unwrap();
-    assert_eq!(reference, bracket.reference);
-    assert!(env_core::admission::is_success(&stored, env_core::SuccessRule::Task, bracket, &reference));
+    let stored = assert_reference_succeeds(admitted);
+    let reference = &admitted.bracket().reference;
     let fuel = stored.recipe().param("fuel").unwrap();
     assert!(reference.fuel_used <= 3.0 * fuel + 1e-9);
     let mut hold = ActionLog::new(2, Precision::F64);
@@ -73,7 +51,7 @@ proptest! {
     ) {
         let mut brief = brief_at_level(task, level, seed);
         brief.count = 1;
-        brief.profile = profile_of_one_mode(task, mode);
+        brief.profile = profile_of_one_mode(task, mode, Some(3), Some(2));
         let outcome = ProceduralDesigner::design_layouts(&brief, &mut empty_gate());
         for judged in &outcome.judged {
             match &judged.verdict {
@@ -93,7 +71,7 @@ fn aim_follows_the_failure_profile() {
     {
         let task = format!("kessler/{task}");
         let mut brief = brief_at_level(&task, 3, 5);
-        brief.profile = profile_of_one_mode(&task, mode);
+        brief.profile = profile_of_one_mode(&task, mode, Some(3), Some(2));
         let outcome = ProceduralDesigner::design_layouts(&brief, &mut empty_gate());
         assert_eq!(outcome.admitted(), 4, "{mode}: {:?}", outcome.judged);
         let admitted = outcome.judged.iter().filter(|judged| judged.verdict.is_ok());
@@ -110,41 +88,14 @@ fn aim_follows_the_failure_profile() {
 #[test]
 fn edited_designs_are_canonical_and_changed() {
     let brief = brief_at_level("kessler/rendezvous", 5, 1);
-    let language = empty_gate().language();
-    let mut rng = env_core::KeyedRng::new(env_core::keyed_rng::RngPurpose::Design, 1, 1);
-    let base = brief.base_scenario(0);
-    let mut design = language.sample(&brief, &base, &mut rng).unwrap();
-    for _ in 0..300 {
-        let Some(child) = language.edit(&design, &brief, &base, &mut rng) else { continue };
-        assert_ne!(child, design);
-        assert_eq!(language.parse(&child, &brief).unwrap(), child);
-        design = child;
-    }
+    assert!(count_edits(empty_gate().language(), &brief, 300) > 0);
 }
 
 #[test]
 fn successful_layouts_are_edited() {
-    let mut brief = brief_at_level("kessler/survival", 3, 8);
-    let first = ProceduralDesigner::design_layouts(&brief, &mut empty_gate());
-    let parent = first.judged.iter().find_map(|judged| judged.verdict.as_ref().ok()).unwrap();
-    let design = parent.scenario().recipe().layout().unwrap().provenance.clone().unwrap();
-    let outcome = LayoutOutcome::Evaluated {
-        episodes: 8,
-        success_rate: 0.0,
-        regret: 1.0,
-        aimed_share: None,
-        is_retired: false,
-    };
-    let seed = Some(parent.scenario().seed());
-    brief.past_layouts = vec![PastLayout { design: design.clone(), seed, outcome }];
-    brief.count = 12;
-    let language = empty_gate().language();
-    let next = ProceduralDesigner::design_layouts(&brief, &mut Gate::new(language, vec![design.clone()]));
-    let similar = next.judged.iter().filter(|judged| judged.verdict.is_ok()).filter(|judged| {
-        let distance = language.distance(judged.design.as_ref().unwrap(), &design);
-        (MIN_NOVELTY..0.15).contains(&distance)
-    });
-    assert!(similar.count() >= 2, "children are similar to their parent, but not equal");
+    let brief = brief_at_level("kessler/survival", 3, 8);
+    let children = count_children(empty_gate().language(), &brief, 12, 0.15);
+    assert!(children >= 2, "children are similar to their parent, but not equal");
 }
 
 fn encounter_json(step: u32, kind: &str, miss_distance: u32) -> Value {

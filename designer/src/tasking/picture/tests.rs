@@ -8,9 +8,8 @@ use serde_json::{Value, json};
 
 use super::sky::LayoutSky;
 use crate::procedural::ProceduralDesigner;
-use crate::tasking::tests::{
-    CONSTELLATION, IMAGING, SCANNING, brief_at_level, design_json, empty_gate, profile_of_one_mode,
-};
+use crate::tasking::tests::{CONSTELLATION, IMAGING, SCANNING, brief_at_level, design_json, empty_gate};
+use crate::test_support::profile_of_one_mode;
 use crate::{AdmittedLayout, DesignBrief, LayoutView, draw_layout};
 
 /// An admitted layout that aims at a failure mode.
@@ -23,7 +22,7 @@ impl DrawnExample {
     fn new(task: &str, mode: &str) -> Self {
         let mut brief = brief_at_level(task, 3, 3);
         brief.count = 1;
-        brief.profile = profile_of_one_mode(task, mode, 3);
+        brief.profile = profile_of_one_mode(task, mode, Some(3), None);
         let outcome = ProceduralDesigner::design_layouts(&brief, &mut empty_gate());
         let judged = outcome.judged.into_iter().find(|judged| judged.verdict.is_ok());
         let judged = judged.expect("one of 40 attempts passes");

@@ -6,17 +6,9 @@ use super::*;
 use crate::tasking::TaskingDesign;
 use crate::tasking::aim::AIMS;
 use crate::tasking::vocabulary::{AIM_ANGLE, FIELD_NUMBERS, START_NUMBERS, WholeNumber};
+use crate::test_support::assert_documented;
 
 const DOCUMENT: &str = include_str!("../../../../docs/reference/design-language-tasking.md");
-
-/// Asserts that the document has a table with these rows after the comment `<!-- mark -->`.
-fn assert_documented(mark: &str, rows: &str) {
-    let (_, rest) = DOCUMENT.split_once(&format!("<!-- {mark} -->\n")).expect("the mark is there");
-    let (table, _) = rest.split_once("<!-- end -->").expect("and its end");
-    let rows_of_table = table.lines().filter(|line| line.starts_with('|'));
-    let body = rows_of_table.skip(2).collect::<Vec<_>>().join("\n");
-    assert_eq!(body.trim(), rows.trim(), "{mark}: replace the rows by:\n{rows}");
-}
 
 fn rows_of(numbers: &[WholeNumber]) -> String {
     let mut rows = String::new();
@@ -28,9 +20,9 @@ fn rows_of(numbers: &[WholeNumber]) -> String {
 
 #[test]
 fn documented_numbers_match_the_language() {
-    assert_documented("start", &rows_of(&START_NUMBERS));
-    assert_documented("fields", &rows_of(&FIELD_NUMBERS));
-    assert_documented("aim", &rows_of(&[AIM_ANGLE]));
+    assert_documented(DOCUMENT, "start", &rows_of(&START_NUMBERS));
+    assert_documented(DOCUMENT, "fields", &rows_of(&FIELD_NUMBERS));
+    assert_documented(DOCUMENT, "aim", &rows_of(&[AIM_ANGLE]));
 }
 
 #[test]
@@ -39,7 +31,7 @@ fn documented_aims_match_the_language() {
     for aim in AIMS {
         let _ = writeln!(rows, "| `{}` | {} |", aim.mode, aim.needs);
     }
-    assert_documented("aims", &rows);
+    assert_documented(DOCUMENT, "aims", &rows);
 }
 
 #[test]

@@ -3,23 +3,17 @@
 use env_core::KeyedRng;
 use env_core::admission::{SuccessRule, is_success};
 use env_core::keyed_rng::RngPurpose;
-use env_core::rollout::replay;
 
 use super::*;
-use crate::brief::{LayoutOutcome, PastLayout};
 use crate::procedural::ProceduralDesigner;
 use crate::tasking::TaskingDesign;
 use crate::tasking::aim::{AIM_TOLERANCE_DEG, allowed_aims};
-use crate::{AdmittedLayout, LayoutKind, MIN_NOVELTY};
+use crate::test_support::{assert_reference_succeeds, count_children, count_edits, profile_of_one_mode};
+use crate::{AdmittedLayout, LayoutKind};
 
-/// Replays an admitted layout from its JSON form, and asserts what the gate found.
+/// Asserts what the gate found, and that few blind plans succeed.
 fn assert_keeps_claim(admitted: &AdmittedLayout) {
-    let stored = stored(admitted.scenario());
-    assert_eq!(stored.id(), admitted.scenario().id());
-    let bracket = admitted.bracket();
-    let reference = replay(&stored, &bracket.reference_plan).unwrap();
-    assert_eq!(reference, bracket.reference);
-    assert!(is_success(&stored, SuccessRule::Task, bracket, &reference));
+    let (stored, bracket) = (assert_reference_succeeds(admitted), admitted.bracket());
     assert_eq!(admitted.kind(), LayoutKind::Threat);
     let blind = bracket.panel.iter().filter(|blind| is_success(&stored, SuccessRule::Task, bracket, blind));
     assert!(blind.count() <= bracket.max_blind_successes());
@@ -28,7 +22,7 @@ fn assert_keeps_claim(admitted: &AdmittedLayout) {
 /// Samples layouts of an aim with one seed after the other. Returns the number of designs that were judged and admitted.
 fn sample_aim(task: &str, level: u32, mode: &str, attempts: u64) -> [u64; 2] {
     let mut brief = brief_at_level(task, level, 11);
-    brief.profile = profile_of_one_mode(task, mode, 3);
+    brief.profile = profile_of_one_mode(task, mode, Some(3), None);
     let mut gate = empty_gate();
     let (mut judged, mut admitted) = (0, 0);
     for number in 0..attempts {
@@ -73,7 +67,7 @@ fn aim_follows_the_failure_profile() {
     for (task, mode, sector) in [(SCANNING, "full", 2), (IMAGING, "low_value", 8)] {
         let mut brief = brief_at_level(task, 3, 5);
         brief.count = 2;
-        brief.profile = profile_of_one_mode(task, mode, sector);
+        brief.profile = profile_of_one_mode(task, mode, Some(sector), None);
         let outcome = ProceduralDesigner::design_layouts(&brief, &mut empty_gate());
         assert_eq!(outcome.admitted(), 2, "{mode}: {:?}", outcome.judged);
         for judged in outcome.judged.iter().filter(|judged| judged.verdict.is_ok()) {
@@ -94,19 +88,8 @@ fn aim_follows_the_failure_profile() {
 fn edited_designs_are_canonical_and_changed() {
     for task in [SCANNING, CONSTELLATION] {
         let mut brief = brief_at_level(task, 5, 1);
-        brief.profile = profile_of_one_mode(task, "wheels", 1);
-        let language = empty_gate().language();
-        let mut rng = KeyedRng::new(RngPurpose::Design, 1, 1);
-        let base = brief.base_scenario(0);
-        let mut design = language.sample(&brief, &base, &mut rng).unwrap();
-        let mut edits = 0;
-        for _ in 0..25 {
-            let Some(child) = language.edit(&design, &brief, &base, &mut rng) else { continue };
-            assert_ne!(child, design);
-            assert_eq!(language.parse(&child, &brief).unwrap(), child);
-            edits += 1;
-            design = child;
-        }
+        brief.profile = profile_of_one_mode(task, "wheels", Some(1), None);
+        let edits = count_edits(empty_gate().language(), &brief, 25);
         assert!(edits > 15, "{task}: {edits}");
     }
 }
@@ -115,26 +98,8 @@ fn edited_designs_are_canonical_and_changed() {
 fn successful_layouts_are_edited() {
     let mut brief = brief_at_level(SCANNING, 4, 8);
     brief.count = 1;
-    let first = ProceduralDesigner::design_layouts(&brief, &mut empty_gate());
-    let parent = first.judged.iter().find_map(|judged| judged.verdict.as_ref().ok()).unwrap();
-    let design = parent.scenario().recipe().layout().unwrap().provenance.clone().unwrap();
-    let outcome = LayoutOutcome::Evaluated {
-        episodes: 8,
-        success_rate: 0.0,
-        regret: 1.0,
-        aimed_share: None,
-        is_retired: false,
-    };
-    let seed = Some(parent.scenario().seed());
-    brief.past_layouts = vec![PastLayout { design: design.clone(), seed, outcome }];
-    brief.count = 4;
-    let language = empty_gate().language();
-    let next = ProceduralDesigner::design_layouts(&brief, &mut Gate::new(language, vec![design.clone()]));
-    let similar = next.judged.iter().filter(|judged| judged.verdict.is_ok()).filter(|judged| {
-        let distance = language.distance(judged.design.as_ref().unwrap(), &design);
-        (MIN_NOVELTY..0.2).contains(&distance)
-    });
-    assert!(similar.count() >= 1, "children are similar to their parent, but not equal");
+    let children = count_children(empty_gate().language(), &brief, 4, 0.2);
+    assert!(children >= 1, "children are similar to their parent, but not equal");
 }
 
 /// Judges a design in the first base scenario. Returns the name of the check that refuses it and the message.

@@ -11,8 +11,7 @@ use std::sync::Arc;
 use env_core::{Recipe, Scenario};
 use serde_json::{Value, json};
 
-use crate::profile::{FailureCell, ModeProfile};
-use crate::{DesignBrief, FailureProfile, Gate, design_language};
+use crate::{DesignBrief, Gate, design_language};
 
 pub(super) const TASKS: [&str; 3] = ["tasking/scanning", "tasking/imaging", "tasking/constellation"];
 pub(super) const SCANNING: &str = "tasking/scanning";
@@ -33,19 +32,6 @@ pub(super) fn brief_at_level(task_id: &str, level: u32, seed: u64) -> DesignBrie
 /// A gate of tasking with an empty archive.
 pub(super) fn empty_gate() -> Gate {
     Gate::new(design_language(env_core::task(SCANNING).unwrap()).unwrap(), Vec::new())
-}
-
-/// A profile with failures of one mode only, in a sector.
-pub(super) fn profile_of_one_mode(task: &str, mode: &str, sector: u32) -> FailureProfile {
-    let cell = FailureCell { sector: Some(sector), count: 9, weight: 9.0, ..FailureCell::default() };
-    let mode = ModeProfile {
-        mode: mode.to_owned(),
-        count: 9,
-        weight: 9.0,
-        cells: vec![cell],
-        ..ModeProfile::default()
-    };
-    FailureProfile { task: task.to_owned(), criticised: 50, weight: 50.0, modes: vec![mode] }
 }
 
 pub(super) fn start_json() -> Value {
