@@ -79,26 +79,31 @@ impl KeyedRng {
 
     /// Random index with these weights; uniform if all are zero, `None` if there are none.
     pub fn weighted_index(&mut self, weights: &[f64]) -> Option<usize> {
-        let total: f64 = weights.iter().sum();
-        if weights.is_empty() || total <= 0.0 {
+        if weights.is_empty() || weights.iter().sum::<f64>() <= 0.0 {
             let count = u32::try_from(weights.len()).unwrap_or(u32::MAX);
             return (count > 0).then(|| self.below(count) as usize);
         }
-        let mut left = self.uniform() * total;
-        let fits = weights.iter().position(|weight| {
-            left -= weight;
-            left < 0.0
-        });
-        // Rounding can leave a remainder: then it is the last index with a positive weight.
-        fits.or_else(|| weights.iter().rposition(|weight| *weight > 0.0))
+        index_at(weights, self.uniform())
     }
+}
+
+/// Index with these weights for a uniform draw in [0, 1); `None` if no weight is positive.
+#[must_use]
+pub fn index_at(weights: &[f64], draw: f64) -> Option<usize> {
+    let mut left = draw * weights.iter().sum::<f64>();
+    let fits = weights.iter().position(|weight| {
+        left -= weight;
+        left < 0.0
+    });
+    // Rounding can leave a remainder: then it is the last index with a positive weight.
+    fits.or_else(|| weights.iter().rposition(|weight| *weight > 0.0))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// The first rng are committed, so that no change of a dependency changes the proposals of a stored run.
+    /// The first draws are committed, so that no change of a dependency changes the proposals of a stored run.
     #[test]
     fn regress_golden_first_draws() {
         let mut rng = KeyedRng::new(RngPurpose::Curriculum, 42, 7);
@@ -153,5 +158,8 @@ mod tests {
         assert_eq!((rng.weighted_index(&[]), rng.weighted_index(&[0.0, 2.0, 0.0])), (None, Some(1)));
         assert!((0..50).all(|_| rng.weighted_index(&[0.0, 0.0]).is_some_and(|at| at < 2)));
         assert_eq!((rng.range_inclusive(9, 9), rng.range_inclusive(9, 3)), (9, 9));
+        let of_draw = |draw| index_at(&[1.0, 0.0, 3.0, 0.0], draw);
+        assert_eq!([0.0, 0.249, 0.25, 1.0 - f64::EPSILON, 1.0].map(of_draw), [0, 0, 2, 2, 2].map(Some));
+        assert_eq!((index_at(&[], 0.5), index_at(&[0.0, 0.0], 0.5)), (None, None));
     }
 }

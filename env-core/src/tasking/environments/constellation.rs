@@ -9,7 +9,7 @@ use crate::tasking::setup::Setup;
 use crate::tasking::setup::environment::{Communicator, Links};
 
 /// Altitude of the orbit, m.
-const ALTITUDE_M: f64 = 800e3;
+pub(super) const ALTITUDE_M: f64 = 800e3;
 /// Inclination of the orbit, degrees.
 pub(super) const INCLINATION_DEG: f64 = 60.0;
 

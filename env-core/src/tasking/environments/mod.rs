@@ -53,6 +53,15 @@ impl TaskingEnvironment {
         }
     }
 
+    /// Height of the orbits above the Earth, m.
+    #[must_use]
+    pub const fn altitude_m(&self) -> f64 {
+        match self {
+            Self::Scanning(_) | Self::Imaging(_) => draws::RANDOM_ALTITUDE_M,
+            Self::Constellation(_) => constellation::ALTITUDE_M,
+        }
+    }
+
     /// Inclination of the orbits, degrees.
     #[must_use]
     pub const fn inclination_deg(&self) -> f64 {

@@ -59,6 +59,11 @@ pub(super) fn compare_observation(
     let mut limits = Vec::with_capacity(columns.len());
     let satellite = ObservedSatellite { spec: sim.satellite(index).spec(), tick_s };
     satellite.add_limits(sim.observation_spec(index), columns.len(), &mut limits);
+    tally.compare_outcomes(
+        &limits.len(),
+        &columns.len(),
+        format_args!("number of columns of {name} with a tolerance"),
+    );
     for (((ours, theirs), column), limit) in ours.iter().zip(&theirs).zip(&columns).zip(&limits) {
         let what = format_args!("{column} of {name}");
         let (ours, theirs) = (ours * limit.unit, theirs * limit.unit);

@@ -177,6 +177,7 @@ fn imaging(recording: &Value) -> ReadResult<Value> {
     let args =
         member(recording, "sat_args_realized")?.as_object().ok_or("`sat_args_realized` is not an object")?;
     let names: Vec<&String> = args.keys().collect();
+    let first = names.first().ok_or("`sat_args_realized` has no satellite")?;
     let observations = json!([{
         "type": "OpportunityProperties", "name": "target", "opportunity_type": "target", "n_ahead_observe": 10,
         "properties": [property("priority", 1.0), property("opportunity_open", 5700.0)],
@@ -217,7 +218,7 @@ fn imaging(recording: &Value) -> ReadResult<Value> {
         "initial": initial(recording, &by_name(&recording["initial"]["observation"], &names)),
         "steps": steps,
         "opportunities": imaging_opportunities(recording),
-        "station_positions": recording["satellites"][names[0]]["ground_station_positions_P_m"],
+        "station_positions": recording["satellites"][first]["ground_station_positions_P_m"],
         "final": recording["final"],
     }))
 }

@@ -86,10 +86,8 @@ mod tests {
             let forecast = TaskingForecast::with_layout(&scenario, layout).unwrap();
             let start = forecast.satellites[0].track[0];
             // The Sun's direction from the satellite and the frame of date add hundredths of a degree.
-            assert!(
-                (start.orbit_angle_deg - start_angle_deg + 180.0).rem_euclid(360.0) - 180.0 < 0.1,
-                "{task}"
-            );
+            let off = (start.orbit_angle_deg - start_angle_deg + 180.0).rem_euclid(360.0) - 180.0;
+            assert!(off.abs() < 0.1, "{task}: {off}");
             if let Some(second) = forecast.satellites.get(1) {
                 let apart = (second.track[0].orbit_angle_deg - start_angle_deg).rem_euclid(360.0);
                 assert!((apart - 30.0).abs() < 0.1, "level 1 spaces satellites by 30 degrees, got {apart}");
