@@ -122,7 +122,7 @@ pub struct PromptTexts {
 pub struct DesignTable {
     /// Short description of the design's aim.
     pub aim: String,
-    /// Column titles of the parts of the design, with units. All columns but the last hold numbers.
+    /// Column titles of the parts of the design, with units.
     pub header: Vec<&'static str>,
     /// Parts of the design (encounters or deputies), one row each, in order.
     pub rows: Vec<Vec<String>>,

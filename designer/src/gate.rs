@@ -203,8 +203,9 @@ fn solve(scenario: &Scenario, words: &'static RefusalWords) -> Result<SolvedScen
         (Ok(()), None) => return Err(Refusal::Unsolvable { reference: 0.0, lost: 0, words }),
     };
     let (reference, lost) = (bracket.reference.score, bracket.reference.lost);
-    // A planner that is no better than blind plans has no skill, so that it cannot succeed; the scenario is not too hard.
-    let is_easy = lost == 0 && reference - bracket.floor < MIN_GAP;
+    // Where success is a skill between blind plans and the planner, a planner that is no better than they are cannot succeed: the
+    // scenario is not too hard.
+    let is_easy = scenario.task().blind_can_succeed() && lost == 0 && reference - bracket.floor < MIN_GAP;
     if !admission.solvable && !is_easy {
         return Err(Refusal::Unsolvable { reference, lost, words });
     }

@@ -3,7 +3,7 @@
 //! Each condition compares a closed-form quantity of [`approach`](super::approach) with a threshold. The thresholds are those
 //! beyond which a policy that flies at three quarters of the speed limit and brakes late begins to fail.
 
-use env_core::docking::constants::STATE_DIM;
+use env_core::docking::constants::{COLLISION_DISTANCE_M, STATE_DIM};
 use env_core::docking::relative_motion::RelativeState;
 use env_core::docking::setup::DockingSetup;
 
@@ -22,7 +22,7 @@ pub(super) const MIN_BRAKING_SHARE: f64 = 0.3;
 pub(super) const MIN_BRAKING_PENALTY: f64 = 0.5;
 /// Least share of the time limit that an approach at the speed limit takes, for a timeout.
 pub(super) const MIN_TIME_SHARE: f64 = 0.75;
-/// Largest separation at which two deputies are in each other's way, m: four times the distance at which they collide.
+/// Largest separation at which two coasting deputies are in each other's way, m: four times the distance at which they collide.
 pub(super) const MEETING_DISTANCE_M: f64 = 2.0;
 /// Time within which coasting deputies meet, s.
 pub(super) const MEETING_TIME_S: u32 = 300;
@@ -150,13 +150,14 @@ impl<'a> AimedDeputies<'a> {
                 AimMeasure { matches: share >= MIN_TIME_SHARE, value: share, text }
             }
             "collision" => {
-                let separation = self.nearest_other(index).map_or(f64::MAX, |nearest| nearest.separation);
+                let nearest = self.nearest_other(index);
+                let separation = nearest.as_ref().map_or(f64::MAX, |nearest| nearest.separation);
                 let text = if self.deputies.len() < 2 {
                     "it is the only one".to_owned()
                 } else {
                     format!("the nearest other one passes at {separation:.1} m")
                 };
-                AimMeasure { matches: separation < MEETING_DISTANCE_M, value: -separation, text }
+                AimMeasure { matches: nearest.is_some_and(|nearest| nearest.meets), value: -separation, text }
             }
             _ => {
                 let out = step_out_of_bounds(&self.states[index], self.time_limit);
@@ -174,9 +175,11 @@ impl<'a> AimedDeputies<'a> {
             let arrival = separation_on_arrival(&self.approaches[index], &self.approaches[other], angle);
             let steps = MEETING_TIME_S.min(self.time_limit);
             let coasting = nearest_pass(&self.states[index], &self.states[other], steps).separation;
-            NearestOther { other, separation: arrival.min(coasting) }
+            let meets = coasting < MEETING_DISTANCE_M || arrival < COLLISION_DISTANCE_M;
+            NearestOther { other, separation: arrival.min(coasting), meets }
         };
-        others.map(nearest).min_by(|a, b| a.separation.total_cmp(&b.separation))
+        // One that it meets comes before a nearer one that it does not.
+        others.map(nearest).min_by(|a, b| b.meets.cmp(&a.meets).then(a.separation.total_cmp(&b.separation)))
     }
 
     /// Returns the deputies that match a mode, with the bearing of the body that each is to meet.
@@ -199,6 +202,8 @@ struct NearestOther {
     other: usize,
     /// Distance at the pass, m.
     separation: f64,
+    /// True if they collide on arrival, or come near each other while they coast.
+    meets: bool,
 }
 
 /// Deputy that matches an aim.

@@ -81,14 +81,20 @@ impl<'a> Sampler<'a> {
         let count = rng.range_inclusive(least, counts.max.max(least));
         let bearing_deg = self.sample_bearing_deg(rng);
         let mut first = scatter(self.aimed_deputy(rng)?, rng);
+        let meeting = (self.mode == "collision").then(|| Meeting::sample(rng));
         if let Some(bearing) = bearing_deg {
-            // A deputy sees the chief opposite to its own azimuth, and a neighbour at larger azimuth about 105° beyond its own.
-            let turn = if self.mode == "collision" { 105.0 } else { 180.0 };
+            // A deputy sees the chief opposite to its own azimuth, a neighbour at larger azimuth about 105° beyond its own, and one
+            // behind it at its own.
+            let turn = match meeting {
+                None => 180.0,
+                Some(Meeting::Behind) => 0.0,
+                Some(Meeting::Beside | Meeting::Crossing) => 105.0,
+            };
             first.azimuth_deg = wrap_degrees(BEARING.value(bearing) - turn);
             // The bearings of a failure profile lie in the plane of the orbit.
             first.elevation_deg /= 2;
         }
-        let second = (self.mode == "collision").then(|| self.meeting_deputy(&mut first, rng));
+        let second = meeting.map(|meeting| meeting.second_deputy(&mut first, rng));
         let mut deputies: Vec<DeputyStart> = std::iter::once(first).chain(second).collect();
         let formation = Formation::sample(rng);
         for number in i32::try_from(deputies.len()).ok()?..count.cast_signed() {
@@ -179,31 +185,6 @@ impl<'a> Sampler<'a> {
         scatter(deputy(distance, uniform(rng, -10.0, 90.0), uniform(rng, 0.0, 50.0), rng), rng)
     }
 
-    /// Samples a deputy that meets `first`: beside it, behind it or on a path that crosses. May change speeds of `first`.
-    fn meeting_deputy(&self, first: &mut DeputyStart, rng: &mut KeyedRng) -> DeputyStart {
-        let angle = 12 + rng.below(36).cast_signed();
-        let beside = |first: &DeputyStart| DeputyStart {
-            azimuth_deg: wrap_degrees(AZIMUTH.value(first.azimuth_deg + angle)),
-            ..*first
-        };
-        match rng.below(3) {
-            0 => beside(first),
-            1 => {
-                // The gap shrinks with the speed limit on the way to the chief.
-                let distance = DISTANCE.value(first.distance);
-                let gap = uniform(rng, 0.3, 1.2) * speed_limit(distance) / DOCKING_SPEED_M_S;
-                DeputyStart { distance: DISTANCE.nearest(distance + gap.max(1.2)), ..*first }
-            }
-            _ => {
-                // Both fly towards the middle between them, at one speed, and little towards the chief.
-                first.cross_speed = CROSS.nearest(uniform(rng, 40.0, 110.0));
-                first.closing_speed = CLOSING.nearest(uniform(rng, 0.0, 30.0));
-                (first.cross_deg, first.elevation_deg) = (0, first.elevation_deg / 3);
-                DeputyStart { cross_deg: 180, ..beside(first) }
-            }
-        }
-    }
-
     /// Samples a speed in m/s from a speed band of the profile, above the docking speed.
     fn sample_contact_speed(&self, rng: &mut KeyedRng) -> f64 {
         let edges = self.brief.recipe.task().speed_bands().edges;
@@ -216,6 +197,52 @@ impl<'a> Sampler<'a> {
         let from = band.checked_sub(1).map_or(0.0, |below| edges[below]).max(0.3);
         let to = edges.get(band).copied().unwrap_or(1.6).max(0.5);
         uniform(rng, from, to)
+    }
+}
+
+/// Way in which a second deputy meets the first one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Meeting {
+    /// Both fly to the chief from nearby directions.
+    Beside,
+    /// The second one flies behind the first one, and the gap shrinks.
+    Behind,
+    /// The paths of the two cross.
+    Crossing,
+}
+
+impl Meeting {
+    fn sample(rng: &mut KeyedRng) -> Self {
+        match rng.below(3) {
+            0 => Self::Beside,
+            1 => Self::Behind,
+            _ => Self::Crossing,
+        }
+    }
+
+    /// Samples the second deputy. May change speeds of `first`.
+    fn second_deputy(self, first: &mut DeputyStart, rng: &mut KeyedRng) -> DeputyStart {
+        let angle = 12 + rng.below(36).cast_signed();
+        let beside = |first: &DeputyStart| DeputyStart {
+            azimuth_deg: wrap_degrees(AZIMUTH.value(first.azimuth_deg + angle)),
+            ..*first
+        };
+        match self {
+            Self::Beside => beside(first),
+            Self::Behind => {
+                // The gap shrinks with the speed limit on the way to the chief.
+                let distance = DISTANCE.value(first.distance);
+                let gap = uniform(rng, 0.3, 1.2) * speed_limit(distance) / DOCKING_SPEED_M_S;
+                DeputyStart { distance: DISTANCE.nearest(distance + gap.max(1.2)), ..*first }
+            }
+            Self::Crossing => {
+                // Both fly towards the middle between them, at one speed, and little towards the chief.
+                first.cross_speed = CROSS.nearest(uniform(rng, 40.0, 110.0));
+                first.closing_speed = CLOSING.nearest(uniform(rng, 0.0, 30.0));
+                (first.cross_deg, first.elevation_deg) = (0, first.elevation_deg / 3);
+                DeputyStart { cross_deg: 180, ..beside(first) }
+            }
+        }
     }
 }
 

@@ -1,5 +1,7 @@
 //! [`DesignFacts`]: what a design leads to, in closed form: shadow, passes, windows and the resources at the start.
 
+use std::collections::BTreeMap;
+
 use env_core::tasking::access::Opportunity;
 use env_core::tasking::task::forecast::{SatelliteForecast, TaskingForecast};
 
@@ -62,12 +64,18 @@ impl DesignFacts<'_> {
     }
 
     /// Time at which the storage is full if the satellite works without a break and sends nothing, s; `None` if that is after the time
-    /// limit. An imager takes an image of each target of the fields as its window opens.
+    /// limit. An imager takes an image of each target of the fields as its first window opens.
     pub(super) fn full_at_s(&self, satellite: &SatelliteForecast) -> Option<f64> {
         let resources = &satellite.resources;
         let room = (resources.storage_bits - resources.stored_bits).max(0.0) / resources.work_bits;
         let full_s = if self.has_targets {
-            let mut opens: Vec<f64> = satellite.windows.iter().map(|window| window.open_s).collect();
+            // A target may be seen on several orbits; its image is taken once.
+            let mut first_opens: BTreeMap<usize, f64> = BTreeMap::new();
+            for window in &satellite.windows {
+                let open = first_opens.entry(window.object).or_insert(window.open_s);
+                *open = open.min(window.open_s);
+            }
+            let mut opens: Vec<f64> = first_opens.into_values().collect();
             opens.sort_by(f64::total_cmp);
             *opens.get(libm::floor(room) as usize)?
         } else {
@@ -76,7 +84,7 @@ impl DesignFacts<'_> {
         (full_s < self.forecast.time_limit_s).then_some(full_s)
     }
 
-    /// Index of the first target of a field among all, and the number of the field's targets.
+    /// Indices of the targets of a field among all targets.
     fn targets_of(&self, field: usize) -> std::ops::Range<usize> {
         let count = |fields: &[super::TargetField]| -> usize {
             fields.iter().map(|field| usize::try_from(field.targets).unwrap_or(0)).sum()

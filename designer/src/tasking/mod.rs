@@ -18,6 +18,7 @@ mod field;
 mod language;
 mod mutate;
 mod novelty;
+mod orbit_facts;
 mod params;
 mod picture;
 mod sample;

@@ -9,13 +9,12 @@ use super::aim::{MAX_IDLE_WHEELS, MIN_IDLE_BATTERY, MIN_WHEELS, first_shadow, sh
 use super::compile::compile;
 use super::design::{DesignedStart, TargetField, TaskingDesign};
 use super::facts::DesignFacts;
+use super::orbit_facts::OrbitFacts;
 use super::params::has_targets;
 use super::vocabulary::{
     BATTERY, DAY, MAX_FIELDS, NODE_HOUR, START_ANGLE, STATION, STORAGE, UTC_MINUTE, WHEELS, WholeNumber,
 };
 
-/// Degrees that a satellite moves along its orbit in a minute, about.
-const DEG_PER_MINUTE: f64 = 3.7;
 /// Largest distance of a failure's time from the aimed orbit angle, degrees. It is smaller than the tolerance of the aim.
 const ANGLE_REACH_DEG: f64 = 20.0;
 /// Seconds of a minute.
@@ -228,7 +227,8 @@ impl<'a> Draft<'a> {
     /// Moves the start so that the satellite is at the aimed orbit angle at a minute.
     fn turn_to_aim(&mut self, minute: i32) {
         if let Some(aimed) = self.design.aim_angle_deg {
-            let moved = libm::round(f64::from(minute) * DEG_PER_MINUTE) as i32;
+            let moved =
+                libm::round(f64::from(minute) * OrbitFacts::of(self.base.task()).deg_per_minute) as i32;
             self.design.start.start_angle_deg = (aimed - moved).rem_euclid(START_ANGLE.max + 1);
         }
     }

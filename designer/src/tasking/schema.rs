@@ -4,11 +4,11 @@
 //! `required` lists fields in the order in which a model writes them: the aim before the start and the fields.
 //! All texts are part of the prompt: changing one changes the prompt.
 
-use env_core::tasking::environments::TaskingEnvironment;
 use env_core::tasking::setup::environment::DEFAULT_STATIONS;
 use serde_json::{Value, json};
 
 use super::aim::{AIM_TOLERANCE_DEG, allowed_aims};
+use super::orbit_facts::OrbitFacts;
 use super::params::{choices, has_targets};
 use super::vocabulary::{
     AIM_ANGLE, FIELD_NUMBERS, MAX_FIELDS, MINUTE, SATELLITE, START_NUMBERS, STATION, WholeNumber,
@@ -120,22 +120,28 @@ fn world_text(brief: &DesignBrief) -> String {
         1 => "a satellite circles".to_owned(),
         _ => format!("{agents} satellites (0 to {}) circle", agents - 1),
     };
-    let (altitude_km, minutes) = if recipe.param("satellites").is_some() { (800, 101) } else { (500, 95) };
-    let environment = TaskingEnvironment::from_id(recipe.task().id());
-    let inclination_deg = environment.map_or(0.0, |environment| environment.inclination_deg());
+    let OrbitFacts { altitude_km, inclination_deg, minutes, deg_per_minute, half_shadow_deg, sight_km } =
+        OrbitFacts::of(recipe.task());
     let limit = recipe.param("time_limit_s").unwrap_or(0.0) / 60.0;
     let work = if has_targets(recipe) {
-        "It earns the priority of each target that it images first while the target is in its window. It sees targets up to about \
-         400 km beside its track, each for one to three minutes, and turns to them, which takes half a minute or more."
+        format!(
+            "It earns the priority of each target that it images first while the target is in its window. It sees targets up to about \
+             {:.0} km beside its track, each for one to three minutes, and turns to them, which takes half a minute or more.",
+            50.0 * libm::floor(sight_km / 50.0)
+        )
     } else {
-        "It earns by every second in which it scans the ground below and stores the data."
+        "It earns by every second in which it scans the ground below and stores the data.".to_owned()
     };
     format!(
-        "The world: {satellites} the Earth at {altitude_km} km, inclined by {inclination_deg} degrees, in {minutes} minutes each; an episode has \
+        "The world: {satellites} the Earth at {altitude_km} km, inclined by {inclination_deg} degrees, in {minutes:.0} minutes each; an episode has \
          {limit:.0} minutes. {work} It has to charge its battery in sunlight, to send data to ground stations before the storage is \
          full, and to slow its wheels with thrusters. A satellite dies if its battery is empty or a wheel is too fast. Devices draw \
-         11 W always and 30 W more at work. The shadow of the Earth lasts up to 36 minutes of each orbit, around midnight: orbit angles \
-         of about 112 to 248 degrees if node_hour is near 0 or 12. A satellite moves by 3.7 degrees a minute.\n\n"
+         11 W always and 30 W more at work. The shadow of the Earth lasts up to {:.0} minutes of each orbit, around midnight: orbit \
+         angles of about {:.0} to {:.0} degrees if node_hour is near 0 or 12. A satellite moves by {deg_per_minute:.1} degrees a \
+         minute.\n\n",
+        2.0 * half_shadow_deg / deg_per_minute,
+        180.0 - half_shadow_deg,
+        180.0 + half_shadow_deg,
     )
 }
 

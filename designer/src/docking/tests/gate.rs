@@ -207,8 +207,10 @@ fn colliding_start_is_too_late_to_avoid() {
     // 5 m apart on one line, one overtakes the other within four seconds.
     let front = deputy([600, 90, 0, 0, 0, 0]);
     let back = deputy([650, 90, 0, 480, 0, 0]);
-    let refusal = empty_gate()
-        .judge(&brief, &design("collision", &[front, back]), [brief.base_scenario(0)])
-        .unwrap_err();
+    let colliding = design("collision", &[front, back]);
+    let refusal = empty_gate().judge(&brief, &colliding, [brief.base_scenario(0)]).unwrap_err();
     assert!(matches!(refusal.check(), GateCheck::Fair | GateCheck::Solvable), "{refusal}");
+    let (scenario, _) = language().build(&colliding, &brief.base_scenario(0)).unwrap();
+    let error = language().check_reaction(&scenario).unwrap_err();
+    assert!(error.to_string().contains("hits deputies.0"), "{error}");
 }
