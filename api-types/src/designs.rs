@@ -231,7 +231,7 @@ pub struct Design {
     /// The design, as lists show it.
     #[serde(flatten)]
     pub summary: DesignSummary,
-    /// Design in the language of its world: aim, params and parts (encounters or deputies). A refused design is as the designer
+    /// Design in the language of its world: aim, params and parts (encounters, deputies or fields). A refused design is as the designer
     /// returned it, an admitted one as the gate read it. Null if it was too long to keep.
     #[schema(value_type = Option<Object>)]
     pub design: Option<Value>,
@@ -252,9 +252,9 @@ pub struct Design {
 pub struct DesignTable {
     /// Aim in a few words.
     pub aim: String,
-    /// Titles of the columns, with units. All columns but the last hold numbers.
+    /// Titles of the columns, with units.
     pub header: Vec<String>,
-    /// Parts of the design, such as encounters or deputies, one row each.
+    /// Parts of the design, such as encounters, deputies or fields, one row each.
     pub rows: Vec<Vec<String>>,
 }
 

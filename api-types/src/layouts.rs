@@ -31,7 +31,7 @@ pub struct Layout {
     /// The design, as lists show it.
     #[serde(flatten)]
     pub summary: DesignSummary,
-    /// Design in the language of its world: aim, params and parts (encounters or deputies).
+    /// Design in the language of its world: aim, params and parts (encounters, deputies or fields).
     #[schema(value_type = Option<Object>)]
     pub design: Option<Value>,
     /// Id of the scenario.

@@ -120,6 +120,13 @@ impl GroupRow {
         }
     }
 
+    /// True if results of the group may be evidence of mastery. A sampler learns from designed groups, too, but layouts are aimed
+    /// at the agent's failures.
+    #[must_use]
+    pub const fn is_mastery_evidence(&self) -> bool {
+        self.is_evidence && self.layout.is_none()
+    }
+
     /// True if the episodes are for training or probing. Episodes of evaluations are not counted anywhere.
     #[must_use]
     pub const fn is_training_or_probe(&self) -> bool {

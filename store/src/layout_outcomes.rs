@@ -17,10 +17,8 @@ pub struct LayoutOutcome {
     pub score_sum: f64,
     /// Sum of the regrets.
     pub regret_sum: f64,
-    /// Success rates of the last outcomes, including this one, as JSON.
-    pub recent_success_rates: String,
-    /// Consecutive outcomes without a success, including this one.
-    pub zero_success_streak: i64,
+    /// Results of the last groups, including this one, as JSON.
+    pub recent_results: String,
 }
 
 /// Adds an outcome to a layout.
@@ -34,13 +32,12 @@ pub async fn add_outcome(
 ) -> Result<(), StoreError> {
     query!(
         "UPDATE layouts SET outcomes = outcomes + 1, episodes = episodes + ?, successes = successes + ?,
-             score_sum = score_sum + ?, regret_sum = regret_sum + ?, recent_success_rates = ?, zero_success_streak = ? WHERE id = ?",
+             score_sum = score_sum + ?, regret_sum = regret_sum + ?, recent_results = ? WHERE id = ?",
         outcome.episodes,
         outcome.successes,
         outcome.score_sum,
         outcome.regret_sum,
-        outcome.recent_success_rates,
-        outcome.zero_success_streak,
+        outcome.recent_results,
         id
     )
     .execute(conn)
@@ -74,17 +71,11 @@ pub async fn add_failure_episodes(
     Ok(())
 }
 
-/// Replaces the success rates of the last outcomes of a layout, as JSON, and ends its barren streak.
+/// Forgets the results of the last groups on a layout.
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if the statement fails.
-pub async fn reset_success_rates(
-    conn: &mut SqliteConnection,
-    id: i64,
-    rates: &str,
-) -> Result<(), StoreError> {
-    query!("UPDATE layouts SET recent_success_rates = ?, zero_success_streak = 0 WHERE id = ?", rates, id)
-        .execute(conn)
-        .await?;
+pub async fn forget_results(conn: &mut SqliteConnection, id: i64) -> Result<(), StoreError> {
+    query!("UPDATE layouts SET recent_results = '[]' WHERE id = ?", id).execute(conn).await?;
     Ok(())
 }

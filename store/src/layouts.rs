@@ -100,10 +100,8 @@ pub struct LayoutRow {
     pub failure_episodes: i64,
     /// Criticised episodes with the failure mode that the layout aims at.
     pub aimed_failure_episodes: i64,
-    /// Success rates of the last outcomes, oldest first, as JSON.
-    pub recent_success_rates: String,
-    /// Consecutive outcomes without a success, up to the last one.
-    pub zero_success_streak: i64,
+    /// Results of the last groups, oldest first, as JSON.
+    pub recent_results: String,
     /// When a group of the layout was leased last.
     pub served_at: Option<Millis>,
     /// When the layout was made.
@@ -207,7 +205,7 @@ macro_rules! query_layouts {
                       state AS "state: LayoutState", retirement_reason AS "retirement_reason: RetirementReason", gate_check,
                       refusal_reason, kind AS "kind: LayoutKind", novelty, scenario, training_groups_at_creation, groups,
                       outcomes, episodes, successes, score_sum, regret_sum, failure_episodes, aimed_failure_episodes,
-                      recent_success_rates, zero_success_streak, served_at, created_at, retired_at
+                      recent_results, served_at, created_at, retired_at
                FROM layouts "# + $rest,
             $($argument),+
         )

@@ -17,8 +17,8 @@ pub struct ServableLayout {
     pub level: Option<i64>,
     /// Start rung that the layout was designed for, if the rungs of the task are starts.
     pub start_rung: Option<i64>,
-    /// Success rates of the last outcomes, oldest first, as JSON.
-    pub recent_success_rates: String,
+    /// Results of the last groups, oldest first, as JSON.
+    pub recent_results: String,
     /// Claim of the layout about its scenario.
     pub kind: LayoutKind,
     /// Id of the scenario.
@@ -34,7 +34,7 @@ macro_rules! query_servable {
     ($condition:literal, $($argument:expr),+ $(,)?) => {
         sqlx::query_as!(
             ServableLayout,
-            r#"SELECT id, task, level, start_rung, recent_success_rates, kind AS "kind!: LayoutKind", scenario AS "scenario!",
+            r#"SELECT id, task, level, start_rung, recent_results, kind AS "kind!: LayoutKind", scenario AS "scenario!",
                       training_groups_at_creation, groups
                FROM layouts WHERE "# + $condition,
             $($argument),+
@@ -64,20 +64,23 @@ pub struct RetiredCount {
     pub level: Option<i64>,
     /// Start rung of the layouts, if the rungs of the task are starts.
     pub start_rung: Option<i64>,
+    /// Claim of the layouts about their scenarios.
+    pub kind: LayoutKind,
     /// Number of such layouts.
     pub count: i64,
 }
 
-/// Counts the mastered and hopeless layouts of a run, by task, level and start rung.
+/// Counts the mastered and hopeless layouts of a run, by task, level, start rung and kind.
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if the query fails.
 pub async fn retired(conn: &mut SqliteConnection, run: &str) -> Result<Vec<RetiredCount>, StoreError> {
     Ok(sqlx::query_as!(
         RetiredCount,
-        r#"SELECT task AS "task!", level AS "level: i64", start_rung AS "start_rung: i64", count(*) AS "count!: i64" FROM layouts
+        r#"SELECT task AS "task!", level AS "level: i64", start_rung AS "start_rung: i64", kind AS "kind!: LayoutKind",
+                  count(*) AS "count!: i64" FROM layouts
            WHERE run = ? AND state = 'retired' AND retirement_reason IN ('mastered', 'hopeless')
-           GROUP BY task, level, start_rung ORDER BY task, level, start_rung"#,
+           GROUP BY task, level, start_rung, kind ORDER BY task, level, start_rung, kind"#,
         run
     )
     .fetch_all(conn)
@@ -96,11 +99,12 @@ pub async fn nth_retired(
 ) -> Result<Option<ServableLayout>, StoreError> {
     Ok(query_servable!(
         "run = ? AND state = 'retired' AND retirement_reason IN ('mastered', 'hopeless') AND task = ? AND level IS ?
-         AND start_rung IS ? ORDER BY id LIMIT 1 OFFSET ?",
+         AND start_rung IS ? AND kind = ? ORDER BY id LIMIT 1 OFFSET ?",
         run,
         of.task,
         of.level,
         of.start_rung,
+        of.kind,
         nth
     )
     .fetch_optional(conn)

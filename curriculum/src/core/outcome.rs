@@ -50,6 +50,9 @@ pub struct GroupOutcome {
     /// Origin of the proposal's scenario.
     #[serde(default, skip_serializing_if = "ScenarioSource::is_fresh")]
     pub source: ScenarioSource,
+    /// True if a designed layout replaced the scenario of the proposal.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_designed: bool,
     /// Params of the proposal if it has no level that implies them; otherwise empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub params: Vec<(String, f64)>,
@@ -80,6 +83,7 @@ impl GroupOutcome {
             mean_score: 0.0,
             mean_skill: None,
             source: proposal.source.clone(),
+            is_designed: false,
             params: if proposal.level.is_none() { proposal.params.clone() } else { Vec::new() },
             signals: LearningSignals::default(),
         }

@@ -53,7 +53,8 @@ impl RungTracker {
 
     /// Records the finished episodes of a group, if strategies may use them.
     pub(crate) fn observe(&mut self, outcome: &GroupOutcome) {
-        if !outcome.usable || outcome.finished == 0 {
+        // A designed layout shows success on the layout, not at the rung.
+        if !outcome.usable || outcome.finished == 0 || outcome.is_designed {
             return;
         }
         let task = self.tasks.entry(outcome.task.clone()).or_default();

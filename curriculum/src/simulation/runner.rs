@@ -330,6 +330,7 @@ pub fn group_outcome(
     let GroupResult { finished, successes, .. } = result;
     let success_rate = if finished > 0 { f64::from(successes) / f64::from(finished) } else { 0.0 };
     GroupOutcome {
+        is_designed: false,
         proposal: seq,
         group: 0,
         task: proposal.task.clone(),

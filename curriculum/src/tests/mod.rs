@@ -26,6 +26,7 @@ pub(super) const RENDEZVOUS: &str = "kessler/rendezvous";
 /// A contested frontier outcome of epoch 0 that is evidence, without missing episodes.
 pub(super) fn outcome(task: &str, level: Option<u32>, finished: u32, successes: u32) -> GroupOutcome {
     GroupOutcome {
+        is_designed: false,
         proposal: 0,
         group: 0,
         task: task.to_owned(),

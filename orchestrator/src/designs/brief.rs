@@ -43,7 +43,7 @@ pub async fn load_brief(
         request.wanted as usize,
         brief_seed(request.run_seed, request.id),
     );
-    if let Some(level) = request.place.level {
+    if let Some(level) = request.level {
         brief = brief.at_level(&request.levels, level);
     }
     brief.profile = request.profile.clone();

@@ -1,22 +1,19 @@
 //! Status of layouts: when one retires and when it is put back, decided from its last outcomes alone.
 
 use curriculum::Posterior;
+use serde::{Deserialize, Serialize};
 use store::layout_transitions::LayoutTransition;
 use store::layouts::{LayoutState, RetirementReason};
 
 /// Number of outcomes in the window.
 pub const OUTCOME_WINDOW: usize = 16;
-/// Number of outcomes before which an active layout is served whatever they are.
+/// Number of outcomes before which a layout does not retire.
 pub const TRIAL_OUTCOMES: usize = 2;
-/// Success rate from which a layout is served.
-pub const SERVED_FROM: f64 = 0.2;
 /// Success rate from which a layout is mastered.
 pub const MASTERED_FROM: f64 = 0.8;
-/// Success rate that a hopeless layout almost surely does not have.
-pub const HOPELESS_SUCCESS: f64 = 0.1;
-/// Probability with which it does not.
-const HOPELESS_CONFIDENCE: f64 = 0.95;
-/// Outcome of a mastered layout below which the agent has forgotten it.
+/// Success rate below which a layout is hopeless.
+pub const HOPELESS_BELOW: f64 = 0.2;
+/// Success rate of a group on a mastered layout below which the agent has forgotten it.
 pub const FORGOTTEN_BELOW: f64 = 0.5;
 
 /// Status of a layout.
@@ -61,61 +58,60 @@ impl LayoutStatus {
     }
 }
 
-/// Status and last outcomes of a layout.
+/// Result of a group on a layout.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct RecentResult {
+    /// Number of successes, 0 to `episodes`.
+    pub successes: f64,
+    /// Number of finished episodes, at least 1.
+    pub episodes: u32,
+}
+
+impl RecentResult {
+    /// Success rate of the group.
+    #[must_use]
+    pub fn success_rate(self) -> f64 {
+        self.successes / f64::from(self.episodes.max(1))
+    }
+}
+
+/// Status and last results of a layout.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LayoutHistory {
     /// Status of the layout.
     pub status: LayoutStatus,
-    /// Its last outcomes, oldest first: success rates of groups, 0 to 1.
-    pub recent: Vec<f64>,
-    /// Number of consecutive outcomes without success.
-    pub zero_success_streak: u32,
-    /// Number of episodes of a group.
-    pub group_size: u32,
+    /// Results of its last groups, oldest first.
+    pub recent: Vec<RecentResult>,
 }
 
 impl LayoutHistory {
     /// Returns the history of a new layout.
     #[must_use]
-    pub const fn new(group_size: u32) -> Self {
-        Self { status: LayoutStatus::Active, recent: Vec::new(), zero_success_streak: 0, group_size }
+    pub const fn new() -> Self {
+        Self { status: LayoutStatus::Active, recent: Vec::new() }
     }
 
-    /// Posterior over the success rate of the agent on the layout. Its episodes are independent, since they share the scenario.
-    #[must_use]
-    pub fn success(&self) -> Posterior {
-        let n = u32::try_from(self.recent.len()).unwrap_or(u32::MAX).saturating_mul(self.group_size);
-        Posterior { n, sum: self.recent.iter().sum::<f64>() * f64::from(self.group_size) }
-    }
-
-    /// Returns true if the layout is worth training on: it is active, and the agent succeeds on it sometimes, or it was hardly tried.
-    #[must_use]
-    pub fn is_served(&self) -> bool {
-        let is_new = self.recent.len() < TRIAL_OUTCOMES;
-        self.status == LayoutStatus::Active && (is_new || self.success().mean() >= SERVED_FROM)
-    }
-
-    /// Adds an outcome, the success rate of a group. Returns the reason if the status changes.
-    pub fn observe(&mut self, value: f64) -> Option<String> {
-        let value = if value.is_finite() { value.clamp(0.0, 1.0) } else { 0.0 };
-        let (status, reason) = match self.status {
-            LayoutStatus::Mastered if value < FORGOTTEN_BELOW => {
-                let reason = format!("reactivated: success fell to {value:.2} after mastery");
-                *self = Self::new(self.group_size);
-                (LayoutStatus::Active, Some(reason))
+    /// Adds the result of a group. Returns the reason if the status changes.
+    pub fn observe(&mut self, result: RecentResult) -> Option<String> {
+        let rate = result.success_rate();
+        let reason = match self.status {
+            LayoutStatus::Mastered if rate < FORGOTTEN_BELOW => {
+                Some(format!("reactivated: success fell to {rate:.2} after mastery"))
             }
-            LayoutStatus::Hopeless if value > 0.0 => {
-                let reason = format!("reactivated: success rose to {value:.2} after no success");
-                *self = Self::new(self.group_size);
-                (LayoutStatus::Active, Some(reason))
+            LayoutStatus::Hopeless if rate > 0.0 => {
+                Some(format!("reactivated: success rose to {rate:.2} after hardly any success"))
             }
-            status => (status, None),
+            _ => None,
         };
-        self.push(value);
         if reason.is_some() {
+            *self = Self { status: LayoutStatus::Active, recent: vec![result] };
             return reason;
         }
-        if status != LayoutStatus::Active {
+        if self.recent.len() >= OUTCOME_WINDOW {
+            self.recent.drain(..=self.recent.len() - OUTCOME_WINDOW);
+        }
+        self.recent.push(result);
+        if self.status != LayoutStatus::Active {
             return None;
         }
         let (status, reason) = self.retirement()?;
@@ -123,32 +119,30 @@ impl LayoutHistory {
         Some(reason)
     }
 
-    /// Adds an outcome to the window.
-    fn push(&mut self, value: f64) {
-        if self.recent.len() >= OUTCOME_WINDOW {
-            self.recent.drain(..=self.recent.len() - OUTCOME_WINDOW);
-        }
-        self.recent.push(value);
-        self.zero_success_streak = if value > 0.0 { 0 } else { self.zero_success_streak.saturating_add(1) };
-    }
-
     /// Returns the new status of an active layout that retires, and the reason.
     fn retirement(&self) -> Option<(LayoutStatus, String)> {
-        let (success, groups) = (self.success(), self.recent.len());
-        let mean = success.mean();
-        if groups >= TRIAL_OUTCOMES && mean >= MASTERED_FROM {
-            let reason = format!("mastered: its success rate is {mean:.2} by its last {groups} groups");
-            return Some((LayoutStatus::Mastered, reason));
-        }
-        let highest = success.quantile(HOPELESS_CONFIDENCE);
-        (highest < HOPELESS_SUCCESS).then(|| {
-            let reason = format!(
-                "hopeless: its success rate is below {HOPELESS_SUCCESS} with a probability of {HOPELESS_CONFIDENCE}, by its \
-                 last {groups} groups"
-            );
-            (LayoutStatus::Hopeless, reason)
-        })
+        let (mean, groups) = (success_posterior(&self.recent).mean(), self.recent.len());
+        let (status, name) = match mean {
+            _ if groups < TRIAL_OUTCOMES => return None,
+            MASTERED_FROM.. => (LayoutStatus::Mastered, "mastered"),
+            ..HOPELESS_BELOW => (LayoutStatus::Hopeless, "hopeless"),
+            _ => return None,
+        };
+        Some((status, format!("{name}: its success rate is {mean:.2} by its last {groups} groups")))
     }
+}
+
+impl Default for LayoutHistory {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Posterior over the success rate of the agent on a layout. Its episodes are independent, since they share the scenario.
+#[must_use]
+pub fn success_posterior(recent: &[RecentResult]) -> Posterior {
+    let n = recent.iter().fold(0u32, |n, result| n.saturating_add(result.episodes));
+    Posterior { n, sum: recent.iter().map(|result| result.successes).sum() }
 }
 
 #[cfg(test)]
@@ -157,63 +151,61 @@ mod tests {
 
     use super::*;
 
-    /// History of a layout after outcomes of groups of two.
-    fn history_of(values: &[f64]) -> LayoutHistory {
-        let mut history = LayoutHistory::new(2);
-        for &value in values {
-            history.observe(value);
+    /// History of a layout after groups of a size with these numbers of successes.
+    fn history_of(episodes: u32, successes: &[u32]) -> LayoutHistory {
+        let mut history = LayoutHistory::new();
+        for successes in successes {
+            history.observe(RecentResult { successes: f64::from(*successes), episodes });
         }
         history
     }
 
+    /// The mean of Beta(1 + s, 1 + f) after s successes and f failures is (1 + s)/(2 + s + f).
     #[test]
     fn layout_retires_once_mastered_or_hopeless() {
-        assert_eq!(history_of(&[1.0; 1]).status, LayoutStatus::Active);
-        // Four of four: Beta(5, 1), whose mean is 5/6.
-        assert_eq!(history_of(&[1.0; 2]).status, LayoutStatus::Mastered);
-        // Seven of eight: Beta(8, 2), whose mean is 0.8.
-        assert_eq!(history_of(&[1.0, 0.5, 1.0, 1.0]).status, LayoutStatus::Mastered);
-        assert_eq!(history_of(&[0.5; 40]).status, LayoutStatus::Active);
-        // Beta(1, 1 + f) is above 0.1 with probability 0.9^(f + 1): 0.0471 for 28 failures, 0.0581 for 26.
-        assert_eq!(history_of(&[0.0; 13]).status, LayoutStatus::Active);
-        assert_eq!(history_of(&[0.0; 14]).status, LayoutStatus::Hopeless);
-    }
-
-    /// Two groups try a layout; then it is served while the agent succeeds on it sometimes.
-    #[test]
-    fn layout_is_served_at_the_edge_of_ability() {
-        for (values, is_served) in [
-            (&[][..], true),
-            (&[0.0], true),
-            (&[0.0, 0.0], false),
-            (&[0.0, 0.5], true),
-            (&[0.5, 1.0], true),
-            (&[1.0, 1.0], false),
+        use LayoutStatus::{Active, Hopeless, Mastered};
+        for (episodes, successes, status) in [
+            (2, &[][..], Active),
+            (2, &[0], Active),
+            (2, &[2], Active),
+            (2, &[2, 2], Mastered),       // 5/6
+            (2, &[1, 2], Active),         // 4/6
+            (2, &[2, 1, 2, 2], Mastered), // 8/10
+            (2, &[0, 0], Hopeless),       // 1/6
+            (2, &[0, 1], Active),         // 2/6
+            (1, &[1, 1], Active),         // 3/4
+            (1, &[1, 1, 1], Mastered),    // 4/5
+            (1, &[0, 0, 0], Active),      // 1/5
+            (1, &[0, 0, 0, 0], Hopeless), // 1/6
+            (8, &[0], Active),
+            (8, &[0, 1], Hopeless), // 2/18
         ] {
-            assert_eq!(history_of(values).is_served(), is_served, "{values:?}");
+            assert_eq!(history_of(episodes, successes).status, status, "{episodes} {successes:?}");
         }
-        assert!(!LayoutHistory { status: LayoutStatus::RetiredByUser, ..history_of(&[0.5; 4]) }.is_served());
     }
 
     #[test]
     fn contradicting_probe_reactivates_with_empty_window() {
-        let mut mastered = history_of(&[1.0; 12]);
-        assert_eq!(mastered.observe(0.5), None);
+        let mut mastered = history_of(4, &[4; 12]);
+        assert_eq!(mastered.observe(RecentResult { successes: 2.0, episodes: 4 }), None);
         assert_eq!(mastered.status, LayoutStatus::Mastered);
-        assert!(mastered.observe(0.25).unwrap().contains("fell to"));
-        assert_eq!((mastered.status, mastered.recent.as_slice()), (LayoutStatus::Active, &[0.25][..]));
+        let one = RecentResult { successes: 1.0, episodes: 4 };
+        assert!(mastered.observe(one).unwrap().contains("fell to 0.25"));
+        assert_eq!((mastered.status, mastered.recent.as_slice()), (LayoutStatus::Active, &[one][..]));
 
-        let mut hopeless = history_of(&[0.0; 30]);
-        assert_eq!(hopeless.observe(0.0), None);
-        assert!(hopeless.observe(0.125).unwrap().contains("rose to"));
-        assert_eq!((hopeless.status, hopeless.zero_success_streak), (LayoutStatus::Active, 0));
+        let mut hopeless = history_of(8, &[0; 30]);
+        assert_eq!(hopeless.observe(RecentResult { successes: 0.0, episodes: 8 }), None);
+        let one = RecentResult { successes: 1.0, episodes: 8 };
+        assert!(hopeless.observe(one).unwrap().contains("rose to 0.12"));
+        assert_eq!((hopeless.status, hopeless.recent.as_slice()), (LayoutStatus::Active, &[one][..]));
     }
 
     #[test]
     fn manually_retired_layout_stays_retired() {
-        let mut history = LayoutHistory { status: LayoutStatus::RetiredByUser, ..history_of(&[0.5; 4]) };
-        for value in [0.0, 1.0].into_iter().cycle().take(200) {
-            assert_eq!(history.observe(value), None);
+        let mut history =
+            LayoutHistory { status: LayoutStatus::RetiredByUser, ..history_of(2, &[1, 1, 1, 1]) };
+        for successes in [0.0, 2.0].into_iter().cycle().take(200) {
+            assert_eq!(history.observe(RecentResult { successes, episodes: 2 }), None);
         }
         assert_eq!(history.status, LayoutStatus::RetiredByUser);
     }
@@ -233,48 +225,37 @@ mod tests {
     }
 
     proptest! {
-        /// The window has the last values since the layout started or was put back, at most 16. It is retired only on
+        /// The window has the last results since the layout started or was put back, at most 16. It is retired only on
         /// evidence, and a reason is returned for each change of status.
         #[test]
-        fn status_follows_outcomes(
-            values in proptest::collection::vec((0u32..=4).prop_map(|n| f64::from(n) / 4.0), 0..120), group_size in 1u32..=8,
+        fn status_follows_results(
+            results in proptest::collection::vec((1u32..=8, 0u32..=8), 0..120)
         ) {
-            let mut history = LayoutHistory::new(group_size);
-            let mut since = 0;
-            for (at, &value) in values.iter().enumerate() {
+            let results: Vec<RecentResult> = results
+                .into_iter()
+                .map(|(episodes, successes)| RecentResult { successes: f64::from(successes.min(episodes)), episodes })
+                .collect();
+            let (mut history, mut since) = (LayoutHistory::new(), 0);
+            for (at, &result) in results.iter().enumerate() {
                 let before = history.status;
-                let reason = history.observe(value);
+                let reason = history.observe(result);
                 prop_assert_eq!(reason.is_some(), history.status != before);
                 if before != LayoutStatus::Active && history.status == LayoutStatus::Active {
                     since = at;
                 }
-                let window = &values[since.max((at + 1).saturating_sub(OUTCOME_WINDOW))..=at];
+                let window = &results[since.max((at + 1).saturating_sub(OUTCOME_WINDOW))..=at];
                 prop_assert_eq!(history.recent.as_slice(), window);
-                let barren = values[since..=at].iter().rev().take_while(|v| **v == 0.0).count();
-                prop_assert_eq!(history.zero_success_streak as usize, barren);
+                let successes: f64 = window.iter().map(|result| result.successes).sum();
+                let episodes: u32 = window.iter().map(|result| result.episodes).sum();
+                let mean = (1.0 + successes) / (2.0 + f64::from(episodes));
                 match (before, history.status) {
-                    (LayoutStatus::Active, LayoutStatus::Mastered) => {
-                        let n = window.len() as f64 * f64::from(group_size);
-                        let mean = (1.0 + window.iter().sum::<f64>() * f64::from(group_size)) / (2.0 + n);
-                        prop_assert!(window.len() >= TRIAL_OUTCOMES && mean >= MASTERED_FROM);
-                    }
-                    (LayoutStatus::Active, LayoutStatus::Hopeless) => {
-                        prop_assert!(history.success().quantile(0.95) < HOPELESS_SUCCESS && value < 0.25);
-                    }
-                    (LayoutStatus::Mastered, LayoutStatus::Active) => prop_assert!(value < FORGOTTEN_BELOW),
-                    (LayoutStatus::Hopeless, LayoutStatus::Active) => prop_assert!(value > 0.0),
+                    (LayoutStatus::Active, LayoutStatus::Mastered) => prop_assert!(window.len() >= 2 && mean >= 0.8),
+                    (LayoutStatus::Active, LayoutStatus::Hopeless) => prop_assert!(window.len() >= 2 && mean < 0.2),
+                    (LayoutStatus::Active, LayoutStatus::Active) => prop_assert!(window.len() < 2 || (0.2..0.8).contains(&mean)),
+                    (LayoutStatus::Mastered, LayoutStatus::Active) => prop_assert!(result.success_rate() < FORGOTTEN_BELOW),
+                    (LayoutStatus::Hopeless, LayoutStatus::Active) => prop_assert!(result.successes > 0.0),
                     (before, after) => prop_assert_eq!(before, after),
                 }
-            }
-        }
-
-        /// A number that is no success rate counts as failure.
-        #[test]
-        fn any_number_is_accepted(bits in proptest::collection::vec(any::<u64>(), 0..60)) {
-            let mut history = LayoutHistory::new(1);
-            for bits in bits {
-                history.observe(f64::from_bits(bits));
-                prop_assert!(history.recent.iter().all(|v| (0.0..=1.0).contains(v)));
             }
         }
     }

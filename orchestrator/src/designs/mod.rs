@@ -2,10 +2,12 @@
 //!
 //! [`demand`] decides when a designer is asked. [`start_design`] starts a request, [`brief`] loads the designer's brief, and
 //! [`finish_design`] stores the layouts that the gate admitted. [`serve`] mixes layouts into leases, with the share that
-//! [`learning_value`] gives them. [`outcome`] counts how groups on them ended, and [`layout_status`] decides when they retire. Clients use [`request_design`] and [`retire_layout`]. The worker that
-//! calls designers is `workers::design`; the designers themselves are in the crate `designer`.
+//! [`learning_value`] gives them by the groups that [`closed_groups`] counts. [`outcome`] counts how groups on layouts ended, and
+//! [`layout_status`] decides when they retire. Clients use [`request_design`] and [`retire_layout`]. The worker that calls designers
+//! is `workers::design`; the designers themselves are in the crate `designer`.
 
 pub mod brief;
+pub mod closed_groups;
 pub mod demand;
 pub mod designers;
 pub mod finish_design;

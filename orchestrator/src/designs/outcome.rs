@@ -7,12 +7,10 @@ use store::keys::EpisodeSpan;
 use store::layout_outcomes::{self, LayoutOutcome};
 use store::layout_transitions;
 use store::layouts::{self, LayoutKind, LayoutRow};
-use store::learning_signals;
-use store::leases::{LeaseRow, Purpose};
-use store::{StoreError, from_json, to_json, to_u32};
+use store::leases::LeaseRow;
+use store::{StoreError, from_json, to_json};
 
-use crate::designs::layout_status::{LayoutHistory, LayoutStatus};
-use crate::designs::learning_value::{self, SignalGroup};
+use crate::designs::layout_status::{LayoutHistory, LayoutStatus, RecentResult};
 use crate::engine::error::ServiceError;
 use crate::engine::run_tx::RunTx;
 use crate::runs::settings::RunSettings;
@@ -35,27 +33,9 @@ pub(crate) async fn observe_designed_group(
     if let Some(id) = group.layout
         && let Some(row) = layouts::get(run.conn, id).await?
     {
-        update_layout(run, row, &finished, to_u32(lease.group_size)).await?;
+        update_layout(run, row, &finished).await?;
     }
     Ok(())
-}
-
-/// Adds closed groups of a training lease to the learning signals of a run with designs.
-pub(crate) async fn add_learning_signals(
-    run: &mut RunTx<'_>,
-    lease: &LeaseRow,
-    closing: &[GroupRow],
-) -> Result<(), StoreError> {
-    if lease.purpose != Purpose::Train || lease.is_columns() || !run.state.settings.design.is_enabled() {
-        return Ok(());
-    }
-    let mut sums = learning_signals::get(run.conn, &lease.run).await?;
-    for group in closing.iter().filter(|group| group.finished > 0) {
-        let is_designed = group.layout.is_some();
-        let (finished, successes) = (to_u32(group.finished), to_u32(group.successes));
-        learning_value::add_group(&mut sums, SignalGroup { is_designed, finished, successes });
-    }
-    learning_signals::set(run.conn, &lease.run, &sums).await
 }
 
 /// Returns true if the oldest policy version among the episodes is too old to count.
@@ -83,22 +63,22 @@ async fn update_layout(
     run: &mut RunTx<'_>,
     row: LayoutRow,
     episodes: &[FinishedEpisode],
-    group_size: u32,
 ) -> Result<(), StoreError> {
     let Some(status) = LayoutStatus::from_stored(row.state, row.retirement_reason) else { return Ok(()) };
-    let recent = from_json("a layout's outcomes", &row.recent_success_rates)?;
-    let zero_success_streak = to_u32(row.zero_success_streak);
-    let mut history = LayoutHistory { status, recent, zero_success_streak, group_size };
+    let mut history = LayoutHistory { status, recent: from_json("a layout's results", &row.recent_results)? };
     let is_decoy = row.kind == Some(LayoutKind::Decoy);
     let successes = episodes.iter().filter(|episode| is_mastered(episode, is_decoy)).count();
-    let reason = history.observe(successes as f64 / episodes.len().max(1) as f64);
+    let result = RecentResult {
+        successes: successes as f64,
+        episodes: u32::try_from(episodes.len()).unwrap_or(u32::MAX),
+    };
+    let reason = history.observe(result);
     let outcome = LayoutOutcome {
         episodes: episodes.len() as i64,
         successes: successes as i64,
         score_sum: episodes.iter().map(|episode| episode.score).sum(),
         regret_sum: episodes.iter().map(|episode| regret(episode, is_decoy)).sum(),
-        recent_success_rates: to_json(&history.recent)?,
-        zero_success_streak: i64::from(history.zero_success_streak),
+        recent_results: to_json(&history.recent)?,
     };
     layout_outcomes::add_outcome(run.conn, row.id, &outcome).await?;
     if let Some(reason) = reason {

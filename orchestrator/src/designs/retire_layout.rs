@@ -38,7 +38,7 @@ impl Change for SetLayoutRetired {
             return Ok(row);
         }
         if !self.retired {
-            layout_outcomes::reset_success_rates(conn, row.id, "[]").await?;
+            layout_outcomes::forget_results(conn, row.id).await?;
         }
         layout_transitions::change_state(conn, row.id, &target.transition(reason.to_owned()), now).await?;
         find_layout(conn, &self.run, self.layout).await

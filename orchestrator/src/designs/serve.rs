@@ -4,14 +4,14 @@
 use std::collections::BTreeMap;
 
 use env_core::KeyedRng;
-use env_core::keyed_rng::RngPurpose;
+use env_core::keyed_rng::{RngPurpose, index_at};
 use sqlx::SqliteConnection;
 use store::groups::{GroupRole, GroupRow};
 use store::layouts::LayoutKind;
 use store::servable_layouts::{self, RetiredCount, ServableLayout};
 use store::{StoreError, design_counters, from_json, learning_signals, to_u64};
 
-use crate::designs::layout_status::{LayoutHistory, LayoutStatus};
+use crate::designs::layout_status::{RecentResult, success_posterior};
 use crate::designs::place::Place;
 use crate::engine::run_state::RunState;
 
@@ -54,6 +54,15 @@ pub fn is_within_share(groups: i64, since: i64, layout_share: f64) -> bool {
 pub(crate) struct Opening {
     pub(crate) task: String,
     pub(crate) place: Place,
+    /// True if the scenario must be contested, so that only a threat may replace it.
+    pub(crate) contested: bool,
+}
+
+impl Opening {
+    fn fits(&self, task: &str, place: Place, kind: LayoutKind) -> bool {
+        let may_be_decoy = !self.contested || kind == LayoutKind::Threat;
+        self.task == task && self.place.is_near(place) && may_be_decoy
+    }
 }
 
 /// Groups of a lease that may be designed.
@@ -81,52 +90,20 @@ pub fn pick_index(pick: f64, count: usize) -> Option<usize> {
     (count > 0).then(|| ((pick * count as f64) as usize).min(count - 1))
 }
 
-/// Returns the index of one of the weights by a draw in [0, 1), in proportion to them; `None` if all are 0.
-#[must_use]
-pub fn pick_weighted(pick: f64, weights: &[f64]) -> Option<usize> {
-    let mut left = pick * weights.iter().sum::<f64>();
-    let mut last = None;
-    for (at, weight) in weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0) {
-        last = Some(at);
-        if left < *weight {
-            break;
-        }
-        left -= weight;
-    }
-    last
-}
-
 /// Active layout, with what the agent's results on it say.
 struct ActiveLayout {
     layout: ServableLayout,
     place: Place,
-    is_served: bool,
     /// Mean of p(1 − p) over the success rate p.
     weight: f64,
 }
 
 impl ActiveLayout {
-    fn new(layout: ServableLayout, group_size: u32) -> Result<Self, StoreError> {
-        let recent = from_json("a layout's outcomes", &layout.recent_success_rates)?;
-        let history =
-            LayoutHistory { status: LayoutStatus::Active, recent, zero_success_streak: 0, group_size };
+    fn new(layout: ServableLayout) -> Result<Self, StoreError> {
+        let recent: Vec<RecentResult> = from_json("a layout's results", &layout.recent_results)?;
         let place = Place::from_stored(layout.level, layout.start_rung);
-        Ok(Self { layout, place, is_served: history.is_served(), weight: history.success().mean_variance() })
+        Ok(Self { layout, place, weight: success_posterior(&recent).mean_variance() })
     }
-}
-
-/// Reads the active layouts of a run, and returns the places of those that are served, with their tasks.
-pub(crate) async fn served_places(
-    conn: &mut SqliteConnection,
-    state: &RunState,
-) -> Result<Vec<Opening>, StoreError> {
-    let active = read_active(conn, state).await?.into_iter().filter(|active| active.is_served);
-    Ok(active.map(|active| Opening { task: active.layout.task, place: active.place }).collect())
-}
-
-async fn read_active(conn: &mut SqliteConnection, state: &RunState) -> Result<Vec<ActiveLayout>, StoreError> {
-    let rows = servable_layouts::active(conn, &state.run).await?;
-    rows.into_iter().map(|layout| ActiveLayout::new(layout, state.settings.group_size)).collect()
 }
 
 /// Layouts that may be served, with the groups that they have had.
@@ -161,10 +138,11 @@ pub(crate) async fn choose_layouts(
         return Ok(none);
     }
     let current = current_openings(state);
+    let active = servable_layouts::active(conn, run).await?;
     let probes = drawn.iter().any(|drawn| drawn.is_designed && drawn.is_probe);
     let mut chooser = LayoutChooser {
         layout_share: settings.layout_share,
-        active: read_active(conn, state).await?,
+        active: active.into_iter().map(ActiveLayout::new).collect::<Result<_, _>>()?,
         retired: if probes { servable_layouts::retired(conn, run).await? } else { Vec::new() },
         probed: BTreeMap::new(),
         train_groups: design_counters::groups(conn, run).await?.all,
@@ -185,12 +163,12 @@ pub(crate) async fn choose_layouts(
 fn current_openings(state: &RunState) -> Vec<Opening> {
     let placed = state.curriculum.status().into_iter().filter(|status| status.placement_done);
     placed
-        .map(|status| Opening { task: status.task, place: Place { level: status.level, start_rung: None } })
+        .map(|status| Opening {
+            task: status.task,
+            place: Place { level: status.level, start_rung: None },
+            contested: false,
+        })
         .collect()
-}
-
-fn fits(openings: &[Opening], task: &str, place: Place) -> bool {
-    openings.iter().any(|opening| opening.task == task && opening.place.is_near(place))
 }
 
 impl LayoutChooser {
@@ -208,29 +186,20 @@ impl LayoutChooser {
             return Ok(Some(probed));
         }
         let weight = |active: &ActiveLayout| {
-            let may = active.is_served
-                && self.is_within_share(&active.layout)
-                && fits(openings, &active.layout.task, active.place);
-            if may { active.weight } else { 0.0 }
+            let ActiveLayout { layout, place, weight } = active;
+            let since = self.train_groups - layout.training_groups_at_creation;
+            let may = is_within_share(layout.groups, since, self.layout_share)
+                && openings.iter().any(|opening| opening.fits(&layout.task, *place, layout.kind));
+            if may { *weight } else { 0.0 }
         };
         let weights: Vec<f64> = self.active.iter().map(weight).collect();
-        Ok(pick_weighted(drawn.pick, &weights).map(|at| self.take(at)))
-    }
-
-    /// Counts a group of an active layout, and returns the layout.
-    fn take(&mut self, at: usize) -> ServableLayout {
+        let Some(at) = index_at(&weights, drawn.pick) else { return Ok(None) };
         let layout = &mut self.active[at].layout;
         layout.groups += 1;
-        layout.clone()
+        Ok(Some(layout.clone()))
     }
 
-    fn is_within_share(&self, layout: &ServableLayout) -> bool {
-        let since = self.train_groups - layout.training_groups_at_creation;
-        is_within_share(layout.groups, since, self.layout_share)
-    }
-
-    /// Returns the layout that is drawn among those that are not served: retired ones, and active ones on which the agent nearly
-    /// always fails or succeeds.
+    /// Returns the retired layout that is drawn, if it may be served.
     async fn probe(
         &mut self,
         conn: &mut SqliteConnection,
@@ -238,21 +207,14 @@ impl LayoutChooser {
         pick: f64,
         openings: &[Opening],
     ) -> Result<Option<ServableLayout>, StoreError> {
-        let unserved: Vec<usize> = (0..self.active.len())
-            .filter(|at| !self.active[*at].is_served)
-            .filter(|at| fits(openings, &self.active[*at].layout.task, self.active[*at].place))
-            .collect();
-        let retired: Vec<&RetiredCount> = self
-            .retired
-            .iter()
-            .filter(|of| fits(openings, &of.task, Place::from_stored(of.level, of.start_rung)))
-            .collect();
-        let all = unserved.len() as i64 + retired.iter().map(|of| of.count).sum::<i64>();
+        let fits = |of: &&RetiredCount| {
+            let place = Place::from_stored(of.level, of.start_rung);
+            openings.iter().any(|opening| opening.fits(&of.task, place, of.kind))
+        };
+        let retired: Vec<&RetiredCount> = self.retired.iter().filter(fits).collect();
+        let all: i64 = retired.iter().map(|of| of.count).sum();
         let Some(nth) = pick_index(pick, usize::try_from(all).unwrap_or(0)) else { return Ok(None) };
-        if let Some(at) = unserved.get(nth) {
-            return Ok(self.is_within_share(&self.active[*at].layout).then(|| self.take(*at)));
-        }
-        let mut nth = (nth - unserved.len()) as i64;
+        let mut nth = nth as i64;
         for of in retired {
             if nth < of.count {
                 let found = servable_layouts::nth_retired(conn, run, of, nth).await?;
@@ -312,12 +274,15 @@ mod tests {
     }
 
     #[test]
-    fn layouts_are_picked_by_weight() {
-        let weights = [0.1, 0.0, 0.3];
-        for (pick, at) in [(0.0, Some(0)), (0.24, Some(0)), (0.26, Some(2)), (0.999, Some(2))] {
-            assert_eq!(pick_weighted(pick, &weights), at, "{pick}");
-        }
-        assert_eq!((pick_weighted(0.5, &[]), pick_weighted(0.5, &[0.0])), (None, None));
+    fn decoys_replace_no_contested_scenario() {
+        let place = Place { level: Some(3), start_rung: None };
+        let opening = |contested| Opening { task: "a".to_owned(), place, contested };
+        assert!(opening(true).fits("a", place, LayoutKind::Threat));
+        assert!(opening(false).fits("a", place, LayoutKind::Decoy));
+        assert!(!opening(true).fits("a", place, LayoutKind::Decoy));
+        assert!(!opening(true).fits("b", place, LayoutKind::Threat));
+        let far = Place { level: Some(5), start_rung: None };
+        assert!(!opening(true).fits("a", far, LayoutKind::Threat));
     }
 
     proptest! {

@@ -11,20 +11,20 @@ use sqlx::SqliteConnection;
 use store::design_requests::{
     self, DesignRequestResult, NewDesignRequest, ProfileSnapshot, RequestOrigin, RequestState,
 };
+use store::servable_layouts::{self, ServableLayout};
 use store::{StoreError, design_queue, from_json, to_json, to_u32, to_u64};
 
 use crate::designs::DesignerKind;
 use crate::designs::demand::{self, DesignDemand, LastDesignRequest};
 use crate::designs::place::Place;
 use crate::designs::profile::CollectedProfile;
-use crate::designs::serve::served_places;
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::run_state::RunState;
 use crate::engine::run_tx::RunTx;
 use crate::engine::write_tx::WriteTx;
 use clock::Millis;
-use curriculum::{TaskPlan, TaskStatus};
+use curriculum::TaskPlan;
 
 /// Number of finished requests of a run's task that are considered.
 const MAX_LOOK_BACK: i64 = 8;
@@ -40,6 +40,8 @@ pub struct StartedDesignRequest {
     pub run_seed: u64,
     /// Id of the task.
     pub task: String,
+    /// Level of the params, if the task has levels.
+    pub level: Option<u32>,
     /// Place on the rungs of the task to design for.
     pub place: Place,
     /// Designer that the request is for.
@@ -110,10 +112,11 @@ async fn start_due(run: &mut RunTx<'_>, has_llm: bool) -> Result<Option<StartedD
     else {
         return Ok(None);
     };
+    let active = servable_layouts::active(conn, &state.run).await?;
     for plan in &state.settings.curriculum.tasks {
         let profile = CollectedProfile::load(conn, &state.run, &plan.task).await?;
         let Some(target) = DesignTarget::of(state, plan, &profile) else { continue };
-        let demand = target.demand(conn, state, designer, &profile, *now).await?;
+        let demand = target.demand(conn, state, designer, &profile, &active, *now).await?;
         if let Some(wanted) = demand::layouts_wanted(&demand) {
             let request = NewDesignRequest {
                 run: state.run.clone(),
@@ -142,6 +145,8 @@ struct DesignOrder {
 /// A task that can be designed for, where the agent is on its rungs.
 struct DesignTarget<'a> {
     plan: &'a TaskPlan,
+    /// Level of the params.
+    level: Option<u32>,
     place: Place,
     is_placed: bool,
     recipe: Arc<Recipe>,
@@ -153,12 +158,25 @@ impl<'a> DesignTarget<'a> {
         let task = env_core::task(&plan.task)?;
         design_language(task)?;
         let status = state.curriculum.status().into_iter().find(|status| status.task == plan.task)?;
-        let mut rng =
-            KeyedRng::new(RngPurpose::DesignPlace, state.seed, to_u64(collected.counters.criticised));
-        let place = place_of(plan, state, &status, &mut rng);
+        let tasks = &state.settings.curriculum.tasks;
+        let index = tasks.iter().position(|of| of.task == plan.task)?;
+        let number = to_u64(collected.counters.criticised) * tasks.len() as u64 + index as u64;
+        let mut rng = KeyedRng::new(RngPurpose::DesignPlace, state.seed, number);
+        let start_rungs = plan.start_rungs();
+        let rung = state.curriculum.sample_rung(&plan.task, &mut rng);
+        let start_rung = rung.filter(|_| !start_rungs.is_empty());
+        let level = match (rung, start_rung) {
+            (None, _) => status.probe_level.or(status.level),
+            (_, None) => rung,
+            // A start rung can be at any level.
+            (_, Some(_)) => Some(rng.below(plan.hardest_level() + 1)),
+        };
+        let scale = start_rung.and_then(|rung| start_rungs.get(rung as usize)).copied();
+        // An easier start belongs to no level.
+        let place = Place { level: level.filter(|_| scale.is_none_or(|scale| scale >= 1.0)), start_rung };
         // The settings were validated when they were set, so a recipe exists.
-        let recipe = recipe_at(plan, place).ok()?;
-        Some(Self { plan, place, is_placed: status.placement_done, recipe })
+        let recipe = recipe_at(plan, level, scale).ok()?;
+        Some(Self { plan, level, place, is_placed: status.placement_done, recipe })
     }
 
     /// Marks a request as running, and returns it with its brief's inputs.
@@ -172,18 +190,19 @@ impl<'a> DesignTarget<'a> {
         let profile = collected.profile(&self.plan.task);
         let snapshot =
             ProfileSnapshot { profile: to_json(&profile)?, criticised: collected.counters.criticised };
-        design_requests::start(conn, id, self.place.level.map(i64::from), &snapshot).await?;
+        design_requests::start(conn, id, self.level.map(i64::from), &snapshot).await?;
         let mastery = state
             .curriculum
             .mastery()
             .into_iter()
-            .find(|m| m.task == self.plan.task && m.level == self.place.level && m.n > 0)
+            .find(|m| m.task == self.plan.task && m.level.is_some() && m.level == self.place.level && m.n > 0)
             .map(|m| LevelMastery { n: m.n, mean: m.mean, q10: m.q10, q90: m.q90 });
         Ok(StartedDesignRequest {
             id,
             run: state.run.clone(),
             run_seed: state.seed,
             task: self.plan.task.clone(),
+            level: self.level,
             place: self.place,
             designer,
             wanted,
@@ -201,11 +220,13 @@ impl<'a> DesignTarget<'a> {
         state: &RunState,
         designer: DesignerKind,
         collected: &CollectedProfile,
+        active: &[ServableLayout],
         now: Millis,
     ) -> Result<DesignDemand, ServiceError> {
         let task = self.plan.task.as_str();
-        let served = served_places(conn, state).await?;
-        let near = served.iter().filter(|of| of.task == task && of.place.is_near(self.place));
+        let near = active
+            .iter()
+            .filter(|of| of.task == task && Place::from_stored(of.level, of.start_rung).is_near(self.place));
         let profile = collected.profile(task);
         Ok(DesignDemand {
             designer,
@@ -220,28 +241,17 @@ impl<'a> DesignTarget<'a> {
     }
 }
 
-/// Place on the rungs of a task to design for: the level of the agent, or under a sampler a rung that it draws. A start rung can be
-/// at any level.
-fn place_of(plan: &TaskPlan, state: &RunState, status: &TaskStatus, rng: &mut KeyedRng) -> Place {
-    match state.curriculum.sample_rung(&plan.task, rng) {
-        None => Place { level: status.probe_level.or(status.level), start_rung: None },
-        rung if plan.start_rungs().is_empty() => Place { level: rung, start_rung: None },
-        rung => Place { level: Some(rng.below(plan.hardest_level() + 1)), start_rung: rung },
-    }
-}
-
-/// Returns the recipe of a task at a place.
-fn recipe_at(plan: &TaskPlan, place: Place) -> Result<Arc<Recipe>, ScenarioError> {
+/// Returns the recipe of a task at a level, and at a start scale if there is one.
+fn recipe_at(plan: &TaskPlan, level: Option<u32>, scale: Option<f64>) -> Result<Arc<Recipe>, ScenarioError> {
     let unknown = || ScenarioError::UnknownChoice {
         field: "task".to_owned(),
         value: plan.task.clone(),
         choices: String::new(),
     };
     let task = env_core::task(&plan.task).ok_or_else(unknown)?;
-    let params = plan.params(place.level);
-    let scale = place.start_rung.and_then(|rung| plan.start_rungs().get(rung as usize));
+    let params = plan.params(level);
     let params = params.iter().map(|(name, value)| (name.as_str(), *value));
-    let params = params.chain(scale.map(|scale| (START_SCALE.name, *scale)));
+    let params = params.chain(scale.map(|scale| (START_SCALE.name, scale)));
     let options = plan.physics.iter().map(|(name, choice)| (name.as_str(), choice.as_str()));
     Ok(Arc::new(Recipe::with_params(task, params)?.with_options(options)?))
 }

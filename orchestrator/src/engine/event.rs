@@ -157,7 +157,7 @@ impl<'a> RunEvent<'a> {
             successes: group.successes,
             failed: group.failed,
             expired,
-            evidence: group.is_evidence,
+            evidence: group.is_mastery_evidence(),
         }
     }
 }

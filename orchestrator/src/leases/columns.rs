@@ -28,7 +28,7 @@ use crate::metrics::LeaseEvent;
 use crate::runs::settings::MAX_GROUP_SIZE;
 use crate::runs::validate::{check_episodes, check_range};
 use crate::runs::version_step::check_version_step;
-use curriculum::{Proposal, SequencedProposal};
+use curriculum::{Proposal, SequencedProposal, StrategyKind};
 
 /// Most groups, and most episodes, of a lease of columns.
 pub const MAX_COLUMN_GROUPS: u32 = 100_000;
@@ -89,9 +89,15 @@ impl ReserveRanges {
         }
         let strategy = state.settings.curriculum.strategy;
         if !strategy.supports_columns() {
+            let supporting: Vec<&str> = StrategyKind::ALL
+                .into_iter()
+                .filter(|kind| kind.supports_columns())
+                .map(StrategyKind::name)
+                .collect();
             let why = format!(
                 "must be groups: the strategy {strategy} chooses every scenario by the results before it, which ranges of \
-                 seeds cannot follow; create the run with ladder, uniform, fixed, adr or alp_gmm"
+                 seeds cannot follow; create the run with {}",
+                supporting.join(" or ")
             );
             return Err(ServiceError::invalid("form", why));
         }

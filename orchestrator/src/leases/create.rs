@@ -291,7 +291,11 @@ impl CreateLease {
 fn opening_of(queued: &QueuedProposal) -> Result<Option<Opening>, ServiceError> {
     let proposal: Proposal = from_json("a proposal", &queued.body)?;
     let is_sampled = proposal.role == ProposalRole::Rung;
-    Ok(is_sampled.then(|| Opening { place: Place::of_proposal(&proposal), task: proposal.task }))
+    Ok(is_sampled.then(|| Opening {
+        place: Place::of_proposal(&proposal),
+        contested: proposal.contested,
+        task: proposal.task,
+    }))
 }
 
 /// Returns true if results of leases of this purpose are evidence.

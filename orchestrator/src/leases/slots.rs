@@ -25,9 +25,7 @@ pub(crate) fn slot_of(lease: i64, seq: i64, group: u32, proposal: &Proposal) -> 
 
 /// Returns true if a group becomes a slot when a trainer can know the scenario. `is_first` says whether no trainer received it before.
 pub(crate) fn is_slot(group: &GroupRow, proposal: &Proposal, is_first: bool) -> bool {
-    // A layout is aimed at the agent's failures.
-    let is_proposed = group.layout.is_none();
-    is_proposed && group.is_evidence && group.is_contested && is_first && can_show_mastery(proposal)
+    group.is_mastery_evidence() && group.is_contested && is_first && can_show_mastery(proposal)
 }
 
 /// Returns true if scenarios of a proposal can show mastery of its level: they are drawn without selection, and start as hard as the

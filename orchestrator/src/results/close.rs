@@ -82,7 +82,7 @@ pub(crate) async fn update_and_close(
         summary.groups.push(closed);
     }
     group_counters::add(run.conn, &lease.run, &group_sums).await?;
-    designs::outcome::add_learning_signals(run, lease, &closing).await?;
+    designs::closed_groups::add_closed_groups(run, lease, &closing).await?;
     if lease.is_columns() {
         summary.groups.clear();
         return Ok(summary);
@@ -177,7 +177,13 @@ impl ClosingGroup<'_> {
             counts.add_rung(key, RungResults { groups: 1, episodes, successes });
         }
         if !is_enough && run.state.curriculum.is_current(to_u64(seq), &proposal) {
-            proposals::offer_again(run.conn, &lease.run, seq, MAX_ATTEMPTS).await?;
+            match group.layout {
+                // The trainer received the layout, and not the scenario of the proposal.
+                Some(_) => proposals::return_unseen(run.conn, &lease.run, &[seq]).await?,
+                None => {
+                    proposals::offer_again(run.conn, &lease.run, seq, MAX_ATTEMPTS).await?;
+                }
+            }
         }
         let panel = self.panel.filter(|_| run.state.settings.curriculum.uses_panel());
         observe(run, self.outcome(seq, proposal, panel)).await
@@ -204,6 +210,7 @@ impl ClosingGroup<'_> {
             mean_score: statistics.score.unwrap_or(0.0),
             mean_skill: statistics.skill,
             source: proposal.source,
+            is_designed: group.layout.is_some(),
             params: if proposal.level.is_none() { proposal.params } else { Vec::new() },
             signals: LearningSignals {
                 regret: statistics.regret,

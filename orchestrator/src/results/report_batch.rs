@@ -272,8 +272,7 @@ impl ReportBatch {
             }
         };
         let key = task_counters::TaskCountersKey::of(group);
-        // A sampler learns from a designed group, but it is no evidence of mastery.
-        let is_evidence = group.is_evidence && group.layout.is_none() && !is_stale;
+        let is_evidence = group.is_mastery_evidence() && !is_stale;
         // An evaluation changes nothing, its task's counters included.
         if is_counted {
             if row.state == EpisodeState::Finished {

@@ -65,7 +65,7 @@ async fn list_all(api: &ApiClient, resource: &str, limit: u32) -> Vec<Value> {
     }
 }
 
-async fn query_numbers(server: &Server, sql: &'static str) -> Vec<i64> {
+pub(crate) async fn query_numbers(server: &Server, sql: &'static str) -> Vec<i64> {
     let mut conn = SqliteConnectOptions::new().filename(server.db_path()).connect().await.unwrap();
     sqlx::query_scalar(sql).fetch_all(&mut conn).await.unwrap()
 }

@@ -188,6 +188,7 @@ fn judge(open: &OpenGroup, finished: &FinishedEpisode) -> ResultReceipt {
 
 fn outcome(open: &OpenGroup, successes: usize) -> GroupOutcome {
     GroupOutcome {
+        is_designed: false,
         proposal: open.seq,
         group: 0,
         task: open.proposal.task.clone(),

@@ -179,9 +179,10 @@ async fn designed_groups_are_no_evidence() {
     assert_eq!(mastery["tasks"][0]["designed_results"]["episodes"], 20);
     let profile = wait_for_critiques(&api).await;
     assert_eq!(profile["tasks"][0]["criticised"], 48 + 20, "designed episodes are in the failure profile");
-    let stock = api.get("/v1/runs/run/designs?state=active").await.expect(200);
-    let stock = stock["designs"].as_array().unwrap().iter().map(|design| (design, &design["results"]));
-    let served: Vec<_> = stock.filter(|(_, results)| results["episodes"].as_u64() > Some(0)).collect();
+    // A layout that the policy fails in two groups retires as hopeless.
+    let listed = api.get("/v1/runs/run/designs?limit=500").await.expect(200);
+    let designs = listed["designs"].as_array().unwrap().iter().map(|design| (design, &design["results"]));
+    let served: Vec<_> = designs.filter(|(_, results)| results["episodes"].as_u64() > Some(0)).collect();
     assert_eq!(served.iter().map(|(_, results)| results["episodes"].as_u64().unwrap()).sum::<u64>(), 20);
     for (design, results) in served.iter().filter(|(design, _)| design["kind"] == "threat") {
         assert_eq!(results["as_aimed"], 1.0, "a holding policy fails as the layout aims: {design}");
@@ -279,8 +280,12 @@ async fn mastered_layout_retires_and_returns_if_forgotten() {
     assert_eq!(layout["kind"], "threat", "a holding policy fails it");
     api.report("run", lease.results("hold")).await;
     let shown = api.get(&format!("/v1/runs/run/designs/{first}")).await.expect(200);
-    assert_eq!(shown["state"], "active", "{shown}");
-    assert!(shown["transitions"][2]["reason"].as_str().unwrap().contains("success fell to"), "{shown}");
+    // The policy fails each group: the second failure retires the layout once more.
+    let transitions = shown["transitions"].as_array().unwrap();
+    assert_eq!(transitions[2]["state"], "active", "{shown}");
+    assert!(transitions[2]["reason"].as_str().unwrap().contains("success fell to"), "{shown}");
+    assert!(probes.iter().filter(|probes| **probes).count() > 1, "the test needs two probes");
+    assert_eq!((&transitions[3]["state"], &shown["state_reason"]), (&json!("retired"), &json!("hopeless")));
 }
 
 #[tokio::test]

@@ -7,6 +7,7 @@ use system_tests::{ApiClient, Lease, Server};
 
 use super::lifecycle::{layouts_of, wait_for_stock};
 use super::{TASK, create, design_summary, report_losses};
+use crate::retention::query_numbers;
 
 /// Results that replay the planner's plan of each scenario.
 fn planned_results(lease: &Lease) -> Vec<Value> {
@@ -75,9 +76,15 @@ async fn released_designed_groups_return_their_proposals() {
     let shown = api.get(&format!("/v1/runs/run/leases/{}", lease.id())).await.expect(200);
     assert!(shown["groups"].as_array().unwrap().iter().all(|group| group["state"] == "lost"));
     assert_eq!(upper_quartile(&api).await, 0.0);
-    let again = api.lease("run", json!({"groups": 6})).await;
-    let shown = api.get(&format!("/v1/runs/run/leases/{}", again.id())).await.expect(200);
-    assert_eq!(shown["groups"].as_array().unwrap().len(), 6);
+    let _ = api.lease("run", json!({"groups": 6})).await;
+    let first = query_numbers(&server, "SELECT proposal FROM groups WHERE lease = 2 ORDER BY proposal").await;
+    let second =
+        query_numbers(&server, "SELECT proposal FROM groups WHERE lease = 3 ORDER BY proposal").await;
+    assert_eq!((first.len(), second), (6, first));
+    // No trainer received their scenarios, so that they still count as new.
+    let attempts =
+        query_numbers(&server, "SELECT DISTINCT attempts FROM proposals WHERE state = 'leased'").await;
+    assert_eq!(attempts, [1]);
 }
 
 /// The share of designed groups follows the variance within groups, and is kept over a restart.

@@ -9,6 +9,7 @@ use store::from_json;
 use store::ids::{DesignRequestId, LayoutId};
 use store::layouts::LayoutRow;
 
+use crate::designs::layout_status::RecentResult;
 use crate::http::paging::{PageCursor, next_cursor};
 use crate::http::problem::Problem;
 use clock::rfc3339;
@@ -26,6 +27,7 @@ pub(in crate::http::v1) fn design_summary(row: &LayoutRow) -> Result<DesignSumma
     });
     let designer: DesignerKind =
         row.designer.parse().map_err(|error| StoreError::corrupt("the designer of a layout", error))?;
+    let recent: Vec<RecentResult> = from_json("a layout's results", &row.recent_results)?;
     Ok(DesignSummary {
         id: LayoutId(row.id).to_string(),
         run: row.run.clone(),
@@ -51,7 +53,7 @@ pub(in crate::http::v1) fn design_summary(row: &LayoutRow) -> Result<DesignSumma
             score: mean(row.score_sum),
             regret: mean(row.regret_sum),
             as_aimed: row.aimed_failure_share(),
-            recent: from_json("a layout's outcomes", &row.recent_success_rates)?,
+            recent: recent.into_iter().map(RecentResult::success_rate).collect(),
         },
         created_at: rfc3339(row.created_at),
         served_at: row.served_at.map(rfc3339),
