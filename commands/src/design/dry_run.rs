@@ -130,8 +130,7 @@ fn heaviest_sectors(rose: &[f64]) -> String {
 }
 
 fn ideas(brief: &DesignBrief, language: &dyn DesignLanguage) -> TextTable {
-    let mut table =
-        TextTable::new([Column::text("first ideas aim at"), Column::number("encounters or deputies")]);
+    let mut table = TextTable::new([Column::text("first ideas aim at"), Column::number("parts")]);
     for idea in ProceduralDesigner::preview(brief, language, brief.count) {
         if let Some(listing) = language.table(&idea) {
             table.add_row([listing.aim, listing.rows.len().to_string()]);

@@ -36,7 +36,7 @@ use super::output::{self, JsonFlag};
 /// Design solvable layouts that defeat an agent, and check them at the gate.
 ///
 /// A layout places bodies explicitly, with the bearings and speeds of the agent's failures: debris that meets satellites
-/// (kessler), or starts of deputies (docking). The failures are read from a run on a server (--run) or from a saved response of
+/// (kessler), starts of deputies (docking), or starts of satellites and fields of targets (tasking). The failures are read from a run on a server (--run) or from a saved response of
 /// GET /v1/runs/{run}/failure_profiles (--profile). Without either, aims and directions vary.
 ///
 /// The gate admits a layout if its numbers are within bounds, its bodies are physically possible, it does what its design
@@ -109,8 +109,8 @@ Exit codes: 0 at least one layout was admitted (--layouts: all were admitted); 1
 one was refused); 2 bad input.
 
 Refusals count encounters and deputies from 0: encounters.2.step is the step of the third encounter. \
-docs/reference/design-language.md (kessler) and docs/reference/design-language-docking.md explain the design languages with \
-pictures.
+docs/reference/design-language.md (kessler), design-language-docking.md and design-language-tasking.md explain the design \
+languages with pictures.
 
 A file of layouts is JSON: {\"layouts\": [{\"name\": \"from below\", \"scenario\": {\"task\": \"kessler/survival\", \"params\": \
 {\"debris\": 0, \"fuel\": 20}, \"seed\": 5, \"layout\": {\"mode\": \"extend\", \"bodies\": {\"debris\": [[15, -85.9, 2.3, \

@@ -55,10 +55,15 @@ pub(super) async fn past_layouts(api: &ApiClient, run: &str, task: &str) -> anyh
     Ok(past)
 }
 
-/// Level to design for: the one that the run is at. A sampler has none; its positions are levels, unless its rungs are starts.
+/// Level to design for: the one that the run is at. A sampler has none; the level at which it proposes most takes its place, unless
+/// its rungs are starts.
 fn current_level(plan: &TaskPlan, mastery: &TaskMastery, sampler: Option<&TaskSampler>) -> u32 {
     let of_levels = sampler.filter(|sampler| sampler.kind == Some(RungKind::Level));
-    let sampled = of_levels.and_then(|sampler| sampler.quartiles).map(|[_, median, _]| median as u32);
+    let rungs = of_levels.map_or(&[][..], |sampler| &sampler.rungs);
+    let likeliest = rungs.iter().filter(|rung| rung.probability.is_some()).max_by(|a, b| {
+        a.probability.unwrap_or(0.0).total_cmp(&b.probability.unwrap_or(0.0)).then(b.rung.cmp(&a.rung))
+    });
+    let sampled = likeliest.map(|rung| rung.rung);
     mastery.level.or(mastery.probe_level).or(sampled).unwrap_or(DEFAULT_LEVEL).min(plan.hardest_level())
 }
 
