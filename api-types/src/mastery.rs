@@ -28,6 +28,9 @@ pub struct TaskMastery {
     pub probe_level: Option<u32>,
     /// True if the first level is set.
     pub placement_done: bool,
+    /// Mean rung of the task's latest proposals, at most 256, from 0 for the easiest; null before the first proposal, and under a
+    /// strategy that draws params.
+    pub mean_rung: Option<f64>,
     /// Current params: those of the current level, or of the probed level.
     pub params: BTreeMap<String, f64>,
     /// Posterior of success on contested scenarios at the current level; null under a strategy without levels.

@@ -28,8 +28,8 @@ pub struct TaskSampler {
     pub name: String,
     /// Reason of the choice, as the end of a sentence; null unless the strategy is `auto`.
     pub reason: Option<String>,
-    /// Position of the sampler in one sentence.
-    pub position: String,
+    /// State of the sampler in one sentence.
+    pub state: String,
     /// Kind of the rungs; null if the strategy draws params, which are at no rung.
     pub kind: Option<RungKind>,
     /// Number of the task's latest proposals that `draws` counts, at most 256.

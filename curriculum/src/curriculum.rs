@@ -306,9 +306,9 @@ impl Curriculum {
         let explanation = self.explain();
         let sampler = |plan: &TaskPlan| {
             let explained = explanation.tasks.iter().find(|task| task.task == plan.task);
-            let position = explained.map_or("", |task| &task.current_state);
+            let state = explained.map_or("", |task| &task.current_state);
             let outlook = self.strategy.sampler(plan, &ctx);
-            SamplerState::new(plan, self.settings.strategy, outlook, position, self.rungs.task(&plan.task))
+            SamplerState::new(plan, self.settings.strategy, outlook, state, self.rungs.task(&plan.task))
         };
         self.settings.tasks.iter().map(sampler).collect()
     }

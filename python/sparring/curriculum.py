@@ -267,9 +267,9 @@ class Curriculum:
     def metrics(self) -> dict[str, float]:
         """Returns metrics for training curves by name.
 
-        Each task has `level` and `mastery` with `mastery_q10` and `mastery_q90` (once placement has found its level),
-        `success`, `score` and `skill` on all scenarios, `zero_variance_share`, and `params/…`. `episodes/…` are the
-        numbers of `stats()`.
+        Each task has `rung`, the mean rung of its latest proposals, and `success`, `score`, `skill` and
+        `zero_variance_share` of all its episodes. Under a strategy with levels it has `level`, `mastery` with `mastery_q10`
+        and `mastery_q90`, and `params/…`, once placement has found its level. `episodes/…` are the numbers of `stats()`.
         """
         metrics: dict[str, float] = {}
         for row in self.mastery():

@@ -41,9 +41,10 @@ def task_metrics(row: Mapping[str, Any]) -> dict[str, float]:
     Args:
         row: Mastery of the task, as the server returns it.
     """
-    # There is no level during placement, nor with strategies without levels.
+    # There is no level during placement, nor under strategies without levels; no rung before the first proposal.
     mastery, results = (row["mastery"] or {}) if row["placement_done"] else {}, row["results"]
     values = {
+        "rung": row["mean_rung"],
         "level": row["level"],
         "mastery": mastery.get("mean"),
         "mastery_q10": mastery.get("q10"),

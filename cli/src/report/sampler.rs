@@ -5,14 +5,14 @@ use maud::{Markup, html};
 
 /// Renders the sampler of a task.
 pub(super) fn sampler_table(sampler: &SamplerState) -> Markup {
-    let SamplerState { name, reason, position, kind, rungs, proposals, .. } = sampler;
+    let SamplerState { name, reason, state, kind, rungs, proposals, .. } = sampler;
     let has_chains = rungs.iter().any(|rung| rung.chains.is_some());
     let is_start = *kind == Some(RungKind::Start);
     html! {
         h3 { "Sampler: " (name) }
         p .soft {
             @if let Some(reason) = reason { "Chosen by auto, because " (reason) ". " }
-            "State: " (position) "."
+            "State: " (state) "."
             @if kind.is_none() { " The strategy draws params instead of rungs." }
             @else { " Shares are of the last " (proposals) " proposals of the task; success rates are of about 64 episodes." }
         }

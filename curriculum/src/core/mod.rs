@@ -9,6 +9,7 @@
 //! - `settings`: tasks, level tables, the strategy and its hyperparameters.
 //! - `rungs`: start rungs or levels of a task, on which samplers place proposals. `rung_tracker`: the latest draws and successes
 //!   of each rung. `sampler_state`: both as users see them, with what the strategy knows of its next draws.
+//!   `probabilities`: those of rungs.
 //! - `scale`: the level table as a continuous space. `shares`: how tasks share the proposals.
 //! - `strategy`: the trait. `explanation`: status and rules as text. `snapshot`: the stored form of a curriculum.
 
@@ -18,6 +19,7 @@ pub(crate) mod evidence;
 pub(crate) mod explanation;
 pub(crate) mod mastery;
 pub(crate) mod outcome;
+pub(crate) mod probabilities;
 pub(crate) mod proposal;
 pub(crate) mod rung_tracker;
 pub(crate) mod rungs;

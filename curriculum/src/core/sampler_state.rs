@@ -16,8 +16,8 @@ pub struct SamplerState {
     pub name: String,
     /// Reason of the choice, as the end of a sentence; `None` unless `auto` chose the sampler.
     pub reason: Option<String>,
-    /// Position of the sampler in one sentence.
-    pub position: String,
+    /// State of the sampler in one sentence.
+    pub state: String,
     /// Kind of the rungs; `None` if the strategy draws params instead of rungs.
     pub kind: Option<RungKind>,
     /// Rungs of the task, easiest first; empty if the strategy draws params.
@@ -53,8 +53,8 @@ pub struct RungState {
 pub(crate) struct SamplerOutlook {
     /// Sampler that was chosen for the task; `None` if the strategy has one for all tasks.
     pub(crate) choice: Option<SamplerChoice>,
-    /// Position in one sentence; `None` for the state that the explanation has.
-    pub(crate) position: Option<String>,
+    /// State of the sampler in one sentence; `None` for the one that the explanation has.
+    pub(crate) state: Option<String>,
     /// Kind of the rungs; `None` if the strategy draws params.
     pub(crate) kind: Option<RungKind>,
     /// Probability of each rung; `None` if it is unknown.
@@ -92,16 +92,16 @@ impl SamplerOutlook {
 }
 
 impl SamplerState {
-    /// Joins the outlook of a strategy with the latest draws. `position` describes the state of the task where the outlook
+    /// Joins the outlook of a strategy with the latest draws. `explained` describes the state of the task where the outlook
     /// does not.
     pub(crate) fn new(
         plan: &TaskPlan,
         strategy: StrategyKind,
         outlook: SamplerOutlook,
-        position: &str,
+        explained: &str,
         tracked: Option<&TaskRungs>,
     ) -> Self {
-        let SamplerOutlook { choice, position: own, kind, probabilities, chains, quartiles } = outlook;
+        let SamplerOutlook { choice, state, kind, probabilities, chains, quartiles } = outlook;
         let scale = RungScale::new(plan);
         let rung_state = |kind: RungKind, rung: u32| {
             let success = tracked.map_or_else(DecayedSuccess::default, |of| of.success(kind, rung));
@@ -123,56 +123,19 @@ impl SamplerState {
             task: plan.task.clone(),
             name: choice.map_or(strategy.name(), |choice| choice.name).to_owned(),
             reason: choice.map(|choice| choice.reason.to_owned()),
-            position: own.unwrap_or_else(|| position.to_owned()),
+            state: state.unwrap_or_else(|| explained.to_owned()),
             kind,
             rungs,
             quartiles,
             proposals: tracked.map_or(0, TaskRungs::proposals),
         }
     }
-}
 
-/// Equal probabilities of `count` rungs.
-pub(crate) fn uniform_probabilities(count: u32) -> Vec<f64> {
-    vec![1.0 / f64::from(count.max(1)); count as usize]
-}
-
-/// Weights divided by their sum; equal probabilities if the sum is 0.
-pub(crate) fn normalize(weights: &[f64]) -> Vec<f64> {
-    let sum: f64 = weights.iter().sum();
-    if sum > 0.0 {
-        weights.iter().map(|weight| weight / sum).collect()
-    } else {
-        uniform_probabilities(u32::try_from(weights.len()).unwrap_or(u32::MAX))
+    /// Mean rung of the task's latest proposals; `None` without proposals, and if the strategy draws params.
+    #[must_use]
+    pub fn mean_rung(&self) -> Option<f64> {
+        let drawn: u32 = self.rungs.iter().map(|of| of.draws).sum();
+        let sum: f64 = self.rungs.iter().map(|of| f64::from(of.rung) * f64::from(of.draws)).sum();
+        (drawn > 0).then(|| sum / f64::from(drawn))
     }
-}
-
-/// Mixture: a share of the draws from `first`, 0 to 1, and the others from `rest`.
-pub(crate) fn mix(share: f64, first: &[f64], rest: &[f64]) -> Vec<f64> {
-    first.iter().zip(rest).map(|(first, rest)| share * first + (1.0 - share) * rest).collect()
-}
-
-/// Level of a scenario, and the weight with which the scenario is drawn.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct LevelWeight {
-    pub(crate) level: u32,
-    pub(crate) weight: f64,
-}
-
-/// Share of each of `count` levels in the weights of scenarios at these levels. If all weights are 0, the first scenario is drawn.
-pub(crate) fn level_shares(count: u32, scenarios: impl IntoIterator<Item = LevelWeight>) -> Vec<f64> {
-    let mut weights = vec![0.0; count as usize];
-    let mut first = None;
-    for LevelWeight { level, weight } in scenarios {
-        first.get_or_insert(level);
-        if let Some(sum) = weights.get_mut(level as usize) {
-            *sum += weight;
-        }
-    }
-    if weights.iter().all(|weight| *weight == 0.0)
-        && let Some(only) = first.and_then(|level| weights.get_mut(level as usize))
-    {
-        *only = 1.0;
-    }
-    normalize(&weights)
 }

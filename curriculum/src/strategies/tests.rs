@@ -142,7 +142,7 @@ fn every_strategy_has_a_sampler_for_each_task() {
         let samplers = curriculum.samplers();
         assert_eq!(samplers.iter().map(|of| of.task.as_str()).collect::<Vec<_>>(), [SURVIVAL, DOCKING]);
         for (sampler, rungs) in samplers.iter().zip([10, 16]) {
-            assert!(!sampler.position.is_empty(), "{strategy}");
+            assert!(!sampler.state.is_empty(), "{strategy}");
             assert_eq!(sampler.proposals, 256, "{strategy}");
             assert_eq!(sampler.reason.is_some(), strategy == StrategyKind::Auto);
             assert_eq!(sampler.name == strategy.name(), strategy != StrategyKind::Auto);

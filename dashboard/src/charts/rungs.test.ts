@@ -22,7 +22,7 @@ const sampler: TaskSampler = {
   task: "docking/single",
   name: "staircase",
   reason: null,
-  position: "all chains are at the easiest rung",
+  state: "all chains are at the easiest rung",
   kind: "start",
   proposals: 6,
   quartiles: null,

@@ -306,9 +306,9 @@ class DesignTable(TypedDict):
     aim: str
     """Aim in a few words."""
     header: list[str]
-    """Titles of the columns, with units. All columns but the last hold numbers."""
+    """Titles of the columns, with units."""
     rows: list[list[str]]
-    """Parts of the design, such as encounters or deputies, one row each."""
+    """Parts of the design, such as encounters, deputies or fields, one row each."""
 
 
 class DesignTransition(TypedDict):
@@ -1450,6 +1450,11 @@ class TaskMastery(TypedDict):
     levels: list[MasteryEstimate]
     """Posterior of success for each level with evidence."""
     mastery: NotRequired[MasteryEstimate | None]
+    mean_rung: NotRequired[float | None]
+    """
+    Mean rung of the task's latest proposals, at most 256, from 0 for the easiest; null before the first proposal, and under a
+    strategy that draws params.
+    """
     params: dict[str, float]
     """Current params: those of the current level, or of the probed level."""
     placement_done: bool
@@ -1516,8 +1521,6 @@ class TaskSampler(TypedDict):
     kind: NotRequired[RungKind | None]
     name: str
     """Name of the sampler: the strategy, or the sampler that `auto` chose for the task."""
-    position: str
-    """Position of the sampler in one sentence."""
     proposals: int
     """Number of the task's latest proposals that `draws` counts, at most 256."""
     quartiles: NotRequired[list[float] | None]
@@ -1529,6 +1532,8 @@ class TaskSampler(TypedDict):
     """Reason of the choice, as the end of a sentence; null unless the strategy is `auto`."""
     rungs: list[SamplerRung]
     """Rungs of the task, easiest first; empty if the strategy draws params."""
+    state: str
+    """State of the sampler in one sentence."""
     task: str
     """Id of the task."""
 
@@ -2152,7 +2157,7 @@ class Layout(DesignSummary):
     bracket: ScenarioBracket
     """Bracket of the scenario."""
     design: NotRequired[dict[str, Any] | None]
-    """Design in the language of its world: aim, params and parts (encounters or deputies)."""
+    """Design in the language of its world: aim, params and parts (encounters, deputies or fields)."""
     reference_outcome: EpisodeOutcome
     """Outcome of the reference plan, which shows that the layout is solvable."""
     scenario: dict[str, Any]
@@ -2597,7 +2602,7 @@ class Design(DesignSummary):
     bracket: NotRequired[ScenarioBracket | None]
     design: NotRequired[dict[str, Any] | None]
     """
-    Design in the language of its world: aim, params and parts (encounters or deputies). A refused design is as the designer
+    Design in the language of its world: aim, params and parts (encounters, deputies or fields). A refused design is as the designer
     returned it, an admitted one as the gate read it. Null if it was too long to keep.
     """
     episodes: list[str]

@@ -42,6 +42,12 @@ def stored(curriculum):
     return {curve["name"]: dict(zip(curve["step"], curve["value"], strict=True)) for curve in curves}
 
 
+def drawn_rung(curriculum):
+    """Returns the mean rung of the latest proposals, from the view of the sampler."""
+    (sampler,) = curriculum.request("GET", f"/v1/runs/{curriculum.run}/sampler")["tasks"]
+    return sum(rung["rung"] * rung["share"] for rung in sampler["rungs"])
+
+
 class Writer:
     """Writer of a logger that does nothing."""
 
@@ -53,10 +59,11 @@ class Writer:
 
 
 def test_logger_reports_the_numbers_of_the_loop(curriculum):
+    curriculum.request("POST", f"/v1/runs/{curriculum.run}/leases", {"groups": 40})
     logger = loggers.TensorBoardLogger(curriculum, Writer())
     sent = logger.log(5, {"train/loss": np.float32(0.5), "grad norm": math.nan})
     logger.log(None, {"train/loss": 0.25})
-    assert "curriculum/kessler/survival/level" in sent and "grad norm" in sent
+    assert sent["curriculum/kessler/survival/rung"] == pytest.approx(drawn_rung(curriculum)) and "grad norm" in sent
     assert stored(curriculum) == {"train/loss": {5: 0.5, 6: 0.25}, "grad_norm": {5: None}}
 
 

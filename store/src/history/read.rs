@@ -22,8 +22,9 @@ pub struct HistoryWindow {
 }
 
 impl HistoryWindow {
-    /// The window from `from` to `to` with at most `points` points, from the coarsest buckets that divide them, or the finest that
-    /// are kept at `now`. One point more may be needed for a begin that is not a multiple of the width.
+    /// The window from `from` to `to` with at most `points` points. It is read from buckets of a minute if points are at most an hour
+    /// wide and the minutes are still kept at `now`, else from buckets of an hour. One point more may be needed for a begin that is
+    /// not a multiple of the width.
     #[must_use]
     pub fn new(from: Millis, to: Millis, points: i64, now: Millis) -> Self {
         let each = (to - from).max(1).unsigned_abs().div_ceil(points.max(1).unsigned_abs());

@@ -145,6 +145,7 @@ impl Feed for LocalFeed {
                 level: status.level,
                 probe_level: status.probe_level,
                 placement_done: status.placement_done,
+                mean_rung: None,
                 params: status.params.iter().cloned().collect(),
                 mastery: estimate.map(|m| MasteryEstimate {
                     level: m.level,

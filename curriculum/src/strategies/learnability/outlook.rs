@@ -1,7 +1,7 @@
 //! Probabilities of the levels of a task's next proposal.
 
 use super::{ScenarioPool, ranking_method};
-use crate::core::sampler_state::{LevelWeight, level_shares, mix, normalize, uniform_probabilities};
+use crate::core::probabilities::{LevelWeight, level_shares, mix, normalize, uniform_probabilities};
 use crate::core::settings::hyperparameters::learnability::{RankingMethod, SHARE};
 use crate::core::settings::{Settings, TaskPlan};
 

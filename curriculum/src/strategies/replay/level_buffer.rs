@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use env_core::KeyedRng;
 use serde::{Deserialize, Serialize};
 
-use crate::core::sampler_state::LevelWeight;
+use crate::core::probabilities::LevelWeight;
 
 /// Factor that each visit without a gain applies to a priority.
 const DECAY: f64 = 0.7;

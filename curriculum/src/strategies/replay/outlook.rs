@@ -2,7 +2,7 @@
 
 use super::level_buffer::RankWeights;
 use super::{TaskBuffer, replay_threshold};
-use crate::core::sampler_state::{LevelWeight, level_shares, mix, uniform_probabilities};
+use crate::core::probabilities::{LevelWeight, level_shares, mix, uniform_probabilities};
 use crate::core::settings::TaskPlan;
 use crate::core::settings::hyperparameters::replay::{REPLAY, STALENESS};
 use crate::core::strategy::StrategyContext;

@@ -4,8 +4,9 @@ use env_core::KeyedRng;
 use serde::{Deserialize, Serialize};
 
 use super::{ChosenRung, RungResult, Sampler, SamplerSetting, Staircase};
+use crate::core::probabilities::uniform_probabilities;
 use crate::core::rungs::RungScale;
-use crate::core::sampler_state::{SamplerChoice, uniform_probabilities};
+use crate::core::sampler_state::SamplerChoice;
 use crate::core::settings::{Hyperparameters, TaskPlan};
 
 /// Sampler that the table names.

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::{ChosenRung, RungResult, Sampler, SamplerSetting};
 use crate::core::decayed_success::DecayedSuccess;
 use crate::core::evidence::posterior::mean_variance;
-use crate::core::sampler_state::{mix, normalize, uniform_probabilities};
+use crate::core::probabilities::{mix, normalize, uniform_probabilities};
 use crate::core::settings::hyperparameters::bandit::{FORGET, UNIFORM};
 use crate::core::settings::{Hyperparameters, TaskPlan};
 

@@ -32,9 +32,10 @@ pub(super) use self::staircase::Staircase;
 use crate::core::evidence::level_move::LevelMove;
 use crate::core::explanation::Explanation;
 use crate::core::outcome::GroupOutcome;
+use crate::core::probabilities::{mix, uniform_probabilities};
 use crate::core::proposal::{Proposal, ProposalRole};
 use crate::core::rungs::{RungKind, RungScale};
-use crate::core::sampler_state::{SamplerChoice, SamplerOutlook, mix, uniform_probabilities};
+use crate::core::sampler_state::{SamplerChoice, SamplerOutlook};
 use crate::core::settings::{Hyperparameters, Settings, TaskPlan};
 use crate::core::shares;
 use crate::core::strategy::{Strategy, StrategyContext, StrategyState, drop_stale_tasks};
@@ -232,7 +233,7 @@ impl<S: Sampler> TaskState<S> {
         };
         SamplerOutlook {
             choice: self.sampler.choice(plan),
-            position: Some(self.sampler.describe(plan, setting)),
+            state: Some(self.sampler.describe(plan, setting)),
             kind: Some(kind),
             probabilities: Some(probabilities),
             chains: self.sampler.chains(setting),

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::episode_length::EpisodeLength;
 use super::{ChosenRung, RungResult, Sampler, SamplerSetting};
-use crate::core::sampler_state::normalize;
+use crate::core::probabilities::normalize;
 use crate::core::settings::hyperparameters::staircase::{CHAINS, COVERAGE, STEP};
 use crate::core::settings::{Hyperparameters, TaskPlan};
 

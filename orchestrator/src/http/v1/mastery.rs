@@ -3,7 +3,7 @@
 use crate::api_enums::ConvertEnum;
 use std::collections::BTreeMap;
 
-use ::curriculum::{Mastery, TaskStatus};
+use ::curriculum::{Mastery, SamplerState, TaskStatus};
 use api_types::{
     ClaimedEpisodeCounts, EpisodeCounts, EvidencePoint, GroupCounts, LevelMovePage, MasteryEstimate,
     PageQuery, RecordedMove, RunMastery, RunParams, TaskMastery,
@@ -41,7 +41,7 @@ pub(super) async fn get_mastery(
     State(app): State<AppState>,
     Path(run): Path<String>,
 ) -> Result<axum::Json<RunMastery>, Problem> {
-    let RunProgress { status, mastery, explanation, sums, designed, claimed, groups, .. } =
+    let RunProgress { status, mastery, explanation, samplers, sums, designed, claimed, groups, .. } =
         app.writer.query(RunProgressQuery { run: parse_run_id(&run)? }).await?;
     let counts = |sums: &BTreeMap<String, TaskCounters>, task: &str| {
         episode_counts(sums.get(task).unwrap_or(&TaskCounters::default()))
@@ -49,7 +49,9 @@ pub(super) async fn get_mastery(
     let tasks = status.into_iter().map(|status| {
         let task = status.task.clone();
         let estimates = mastery.iter().filter(|estimate| estimate.task == task);
+        let sampler = samplers.iter().find(|sampler| sampler.task == task);
         TaskMastery {
+            mean_rung: sampler.and_then(SamplerState::mean_rung),
             results: counts(&sums, &task),
             designed_results: counts(&designed, &task),
             claimed_results: claimed_counts(claimed.get(&task).unwrap_or(&ClaimCounters::default())),
@@ -68,6 +70,7 @@ fn task_mastery(status: TaskStatus, levels: Vec<MasteryEstimate>) -> TaskMastery
         level: status.level.filter(|_| status.placement_done),
         probe_level: status.probe_level,
         placement_done: status.placement_done,
+        mean_rung: None,
         params: status.params.iter().cloned().collect(),
         mastery: known.or_else(|| status.level.map(MasteryEstimate::without_evidence)),
         levels,

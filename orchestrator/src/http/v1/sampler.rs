@@ -56,10 +56,10 @@ pub(super) async fn get_sampler(
 fn task_sampler(sampler: SamplerState, points: &[RungPoint]) -> TaskSampler {
     let course = sampler.kind.map_or_else(BTreeMap::new, |kind| course_of(&sampler.task, kind, points));
     let rungs = sampler.rungs.iter().map(|rung| sampler_rung(rung, sampler.proposals, &course)).collect();
-    let SamplerState { task, name, reason, position, kind, proposals, quartiles, .. } = sampler;
+    let SamplerState { task, name, reason, state, kind, proposals, quartiles, .. } = sampler;
     let at = course.keys().map(|start| start.div_euclid(1000)).collect();
     let kind = kind.map(ConvertEnum::convert);
-    TaskSampler { task, name, reason, position, kind, proposals, quartiles, at, rungs }
+    TaskSampler { task, name, reason, state, kind, proposals, quartiles, at, rungs }
 }
 
 /// Results of a task in each point, by the rungs of a kind.

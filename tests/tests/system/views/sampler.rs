@@ -33,6 +33,15 @@ fn sum(rungs: &Value, name: &str) -> f64 {
     column(rungs, name).iter().sum()
 }
 
+/// Checks that the mastery of the only task has the mean rung of the proposals that its sampler shows.
+async fn assert_mean_rung(api: &ApiClient, sampler: &Value) {
+    let mastery = api.get("/v1/runs/run/mastery").await.expect(200);
+    let (rungs, shares) = (column(&sampler["rungs"], "rung"), column(&sampler["rungs"], "share"));
+    let mean: f64 = rungs.iter().zip(shares).map(|(rung, share)| rung * share).sum();
+    let shown = mastery["tasks"][0]["mean_rung"].as_f64().unwrap();
+    assert!(mean > 0.0 && (shown - mean).abs() < 1e-9, "{shown} {mean}");
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn staircase_shows_chains_draws_and_success_by_start() {
     let ManualClock { clock, time: clock_ms } = Clock::manual(START);
@@ -49,13 +58,14 @@ async fn staircase_shows_chains_draws_and_success_by_start() {
         clock_ms.fetch_add(3 * MINUTE, Ordering::SeqCst);
     }
     let body = sampler(&api).await;
+    assert_mean_rung(&api, &body["tasks"][0]).await;
     assert_eq!((&body["strategy"], &body["width_s"]), (&json!("staircase"), &json!(60)));
     let task = &body["tasks"][0];
     assert_eq!(
         (&task["name"], &task["kind"], &task["reason"]),
         (&json!("staircase"), &json!("start"), &Value::Null)
     );
-    assert!(task["position"].as_str().unwrap().contains("of the 32 chains"), "{task}");
+    assert!(task["state"].as_str().unwrap().contains("of the 32 chains"), "{task}");
     let rungs = &task["rungs"];
     let scales = column(rungs, "start_scale");
     assert!(scales.len() == 16 && scales.is_sorted() && scales[15] == 1.0, "{scales:?}");
@@ -96,7 +106,9 @@ async fn rungs_follow_the_strategy() {
     let _ = api.send_json("PATCH", "/v1/runs/run", json!({"strategy": "fixed"})).await.expect(200);
     let fixed = sampler(&api).await["tasks"][0].clone();
     assert_eq!((&fixed["kind"], &fixed["rungs"], &fixed["at"]), (&Value::Null, &json!([]), &json!([])));
-    assert_eq!(fixed["position"], "at its default params");
+    assert_eq!(fixed["state"], "at its default params");
+    let mastery = api.get("/v1/runs/run/mastery").await.expect(200);
+    assert_eq!(mastery["tasks"][0]["mean_rung"], Value::Null);
 }
 
 #[tokio::test(flavor = "multi_thread")]
