@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -72,6 +72,14 @@ def _draw(task: str, scenarios: int, first_seed: int) -> list[dict[str, Any]]:
     return rows
 
 
+class RecordedEpisode(NamedTuple):
+    """Complete episode: its scenario, and its actions as `sparring.replay` reads them."""
+
+    scenario: sparring.Scenario
+    #: Steps × agents × values.
+    actions: npt.NDArray[np.float32]
+
+
 @dataclass(frozen=True)
 class Measured:
     """Results of a policy, episodes × scenarios."""
@@ -79,6 +87,8 @@ class Measured:
     #: In docking, true if all deputies docked; in other worlds, if no agent was lost.
     success: npt.NDArray[np.bool_]
     skill: npt.NDArray[np.float64]
+    #: Scenario and action log of each episode, in the order of the episodes; empty unless they were recorded.
+    recorded: list[RecordedEpisode] = field(default_factory=list)
 
     def mean(self, measure: str) -> float:
         """Returns the mean of `success` or `skill`."""
@@ -94,23 +104,34 @@ class Measured:
         return float(values[1::2].mean(axis=0)[rank[: max(1, len(rank) // 10)]].mean())
 
 
-def measure(policy: FlyingPolicy, held_out: HeldOut, episodes: int, seed: int) -> Measured:
-    """Flies every scenario some times by a policy that samples its actions; does not change the state of torch."""
-    flights = Flights(policy, held_out.scenarios * episodes)
+def measure(policy: FlyingPolicy, held_out: HeldOut, episodes: int, seed: int, record: bool = False) -> Measured:
+    """Flies every scenario some times by a policy that samples its actions; does not change the state of torch.
+
+    Args:
+        policy: Policy of a learner.
+        held_out: The scenarios.
+        episodes: Number of episodes of each scenario.
+        seed: Seed of the actions.
+        record: Whether to record the actions.
+    """
+    flights = Flights(policy, held_out.scenarios * episodes, record)
     with torch.random.fork_rng():
         torch.manual_seed(seed)
         flights.run()
     shape = (episodes, len(held_out.scenarios))
     gaps = held_out.references - held_out.floors
     skill = np.clip((flights.returns.reshape(shape) - held_out.floors) / gaps, -1.0, 1.0)
-    return Measured(flights.success.reshape(shape), skill)
+    return Measured(flights.success.reshape(shape), skill, flights.recorded())
 
 
 class Flights:
     """Flies scenarios in some environments, each of which takes the next one when its episode ends."""
 
-    def __init__(self, policy: FlyingPolicy, scenarios: list[sparring.Scenario]) -> None:
-        self.policy, self.scenarios = policy, scenarios
+    def __init__(self, policy: FlyingPolicy, scenarios: list[sparring.Scenario], record: bool = False) -> None:
+        self.policy, self.scenarios, self.record = policy, scenarios, record
+        # Actions of all environments in each decision, and the recorded actions of each scenario.
+        self._decisions: list[npt.NDArray[np.float32]] = []
+        self._logs: dict[int, npt.NDArray[np.float32]] = {}
         self.returns = np.zeros(len(scenarios))
         self.success = np.zeros(len(scenarios), np.bool_)
         task, config = scenarios[0].task, policy.config
@@ -127,11 +148,14 @@ class Flights:
         current, following = np.arange(count), count
         observations = self._reset(current, np.ones(count, np.bool_))
         docked, returns, is_open = self._absent(), np.zeros(count), np.ones(count, np.bool_)
+        begins = np.zeros(count, np.int64)
         while is_open.any():
             actions = self.policy.sample(observations)
-            next_observations, rewards, terminations, truncations, _ = self.envs.step(
+            next_observations, rewards, terminations, truncations, infos = self.envs.step(
                 actions, repeat=self.policy.config.decision_steps
             )
+            if self.record:
+                self._decisions.append(self.envs.last_actions())
             observations = self._rows(next_observations)
             returns += rewards
             results = self.envs.agent_results()
@@ -142,11 +166,24 @@ class Flights:
             for env in np.flatnonzero(ended & is_open):
                 self.returns[current[env]] = returns[env]
                 self.success[current[env]] = docked[env].all() if self.is_docking else not results.terminations[env].any()
+                if self.record:
+                    self._logs[current[env]] = self._log(env, current[env], begins[env], infos["episode"]["l"][env])
                 is_open[env] = following < len(self.scenarios)
                 current[env], following = min(following, len(self.scenarios) - 1), following + 1
             observations = self._reset(current, ended)
             returns[ended], docked[ended] = 0.0, self._absent()[ended]
+            begins[ended] = len(self._decisions)
         self.envs.close()
+
+    def recorded(self) -> list[RecordedEpisode]:
+        """Returns the episodes in the order of the scenarios; none unless they were recorded."""
+        return [RecordedEpisode(self.scenarios[number], self._logs[number]) for number in sorted(self._logs)]
+
+    def _log(self, env: int, number: int, begin: int, steps: int) -> npt.NDArray[np.float32]:
+        """Returns the actions of the agents of a scenario, which an environment has flown since a decision."""
+        agents = self.scenarios[number].agents
+        actions = np.stack([decision[env, :agents] for decision in self._decisions[begin:]])
+        return np.repeat(actions, self.policy.config.decision_steps, axis=0)[:steps]
 
     def _reset(self, current: npt.NDArray[np.int64], mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.float32]:
         scenarios = [self.scenarios[index] for index in current]
