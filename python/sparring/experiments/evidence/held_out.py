@@ -167,7 +167,7 @@ class Flights:
                 self.returns[current[env]] = returns[env]
                 self.success[current[env]] = docked[env].all() if self.is_docking else not results.terminations[env].any()
                 if self.record:
-                    self._logs[current[env]] = self._log(env, int(current[env]), begins[env], infos["episode"]["l"][env])
+                    self._logs[current[env]] = self._log(int(env), int(current[env]), begins[env], infos["episode"]["l"][env])
                 is_open[env] = following < len(self.scenarios)
                 current[env], following = min(following, len(self.scenarios) - 1), following + 1
             observations = self._reset(current, ended)
