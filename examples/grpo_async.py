@@ -30,7 +30,7 @@ def make_tiny_model(envs, folder):
     tools, answers = [], [{"content": "Done."}]
     for factory in envs.values():
         environment = factory()  # only its tools are used
-        if factory.world == "docking":
+        if factory.tools == "docking":
             tools += [environment.thrust, environment.coast]
             answers += [call("coast", seconds=300), call("thrust", deputy_id=0, thrust_x=0.1, thrust_y=0, thrust_z=0, seconds=9)]
         else:
@@ -103,7 +103,7 @@ def train(args):
         trainer.save_model()
         for name, factory in envs.items():
             for row in factory.curriculum.mastery():
-                level = "not placed yet" if row["level"] is None else f"level {row['level']}"
+                level = "no level" if row["level"] is None else f"level {row['level']}"
                 results = row["results"]
                 print(f"{name}: {row['task']}: {level}, {results['episodes']} episodes, mean score {results['score']:.3f}")
 

@@ -84,7 +84,7 @@ def train(curriculum, args):
         stats = envs.stats()
         print(f"{curriculum.run}: {stats['finished']} episodes finished, {stats['counted'] + stats['stored']} counted")
     for row in curriculum.mastery():
-        level = "not placed yet" if row["level"] is None else f"level {row['level']}"
+        level = "no level" if row["level"] is None else f"level {row['level']}"
         print(f"{row['task']}: {level}, {row['results']['episodes']} episodes, mean score {row['results']['score']:.3f}")
 
 

@@ -57,6 +57,7 @@ class EnvironmentFactory:
         ttl_s: int = 600,
         max_wait_s: float = 600.0,
     ) -> None:
+        #: Kind of the tools: `kessler`, `docking`, `scanning` or `imaging`.
         self.tools = tools_of(curriculum.tasks)
         if reward not in get_args(Reward):
             raise one_of("reward", get_args(Reward), reward)

@@ -42,7 +42,7 @@ def execute():
 def test_notebook_runs_and_resumes(tmp_path, monkeypatch):
     # During placement there would be no mastery to check.
     settings = {"tasks": ["kessler/survival"], "group_size": 4, "judge": "deterministic"}
-    settings |= {"placement": False, "design": {"designer": "off"}}
+    settings |= {"strategy": "ladder", "placement": False, "design": {"designer": "off"}}
     with sparring.Curriculum.local(binary=BINARY, settings=settings) as curriculum:
         parameters = {"URL": curriculum.url, "RUN": curriculum.run, "TINY": "1", "STEPS": "2"}
         parameters |= {

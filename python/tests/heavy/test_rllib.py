@@ -43,7 +43,8 @@ def cluster():
 
 
 def local_curriculum(tasks, db=None, **settings):
-    settings = {"tasks": tasks, "placement": False, "design": {"designer": "off"}, "group_size": 4, **settings}
+    defaults = {"strategy": "ladder", "placement": False, "design": {"designer": "off"}, "group_size": 4}
+    settings = {"tasks": tasks, **defaults, **settings}
     return sparring.Curriculum.local(db, binary=BINARY, settings=settings)
 
 
@@ -295,7 +296,8 @@ def test_agent_envs_share_one_curriculum():
         other.close()
         for env in (first, second):
             observations, infos = env.reset()
-            assert infos["satellite_0"] == {"scenario": env.env.scenario, "level": 0, "train": True}
+            times = {"d_ts": 0.0, "requires_retasking": True}
+            assert infos["satellite_0"] == {"scenario": env.env.scenario, "level": 0, "train": True, **times}
             while observations and env.env.agents:
                 observations, *_ = env.step({})
             env.reset()

@@ -292,5 +292,5 @@ def test_printed_command_trains(tmp_path, monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
     output = run_command(printed_command("docs/guides/train-trl.md", "python examples/grpo_async.py --tiny"), tmp_path)
     print(output)
-    assert "docking: docking/single: not placed yet, " in output
+    assert "docking: docking/single: no level, " in output
     assert (tmp_path / "grpo-async" / "model.safetensors").exists()
