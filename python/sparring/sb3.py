@@ -34,8 +34,8 @@ from .trainer_metrics import TrainerReport
 from .vector import VectorEnvironment, make_vec
 from .vector_results import AgentResults
 
-#: Function from the results of a step to the rewards of all agents, envs × agents.
-Reward = Callable[[AgentResults], npt.NDArray[np.float32]]
+#: Function from the results of a step to the rewards of all agents, envs × agents, which become float32.
+Reward = Callable[[AgentResults], npt.NDArray[Any]]
 
 
 def vec_env(
@@ -49,8 +49,8 @@ def vec_env(
 ) -> AgentsVecEnv:
     """Makes environments for Stable-Baselines3 with one row per agent, so that one policy controls all agents.
 
-    Without `reward`, each deputy of docking has its own reward, and each satellite of kessler that of the team. `AgentsVecEnv`
-    describes the rows.
+    Without `reward`, each satellite of kessler has the team's reward, and each agent of the other worlds its own. `AgentsVecEnv`
+    describes the rows, whose observations and rewards are float32.
 
     Args:
         num_envs: Number of environments; `envs.num_envs` is this times the number of agents.
@@ -113,9 +113,12 @@ class AgentsVecEnv(VecEnv):
 
     All rows of an environment are done once, in the last step of its episode, with `terminal_observation` and
     `TimeLimit.truncated`. Their infos have `episode`, with the team's return and length, as `Monitor` writes it:
-    `evaluate_policy` uses it. A satellite's row has the team's reward in every step, also after the satellite is lost. A
-    deputy's row has the deputy's reward, and zeros once it has left or if the scenario does not have it. A function `reward`
-    replaces both. `active_only` hides rows without an active agent from PPO and A2C; other algorithms learn from all rows.
+    `evaluate_policy` uses it.
+
+    In kessler, the row of a satellite has the team's reward in every step, also after the satellite is lost. In the other worlds,
+    a row has the reward of its agent, and zeros once the agent has left or if the scenario does not have it. A function `reward`
+    replaces both, and gives nothing to agents that have left. `active_only` hides rows without an active agent from PPO and A2C;
+    other algorithms learn from all rows.
     """
 
     def __init__(self, envs: VectorEnvironment, decision_steps: int = 1, reward: Reward | None = None) -> None:
@@ -168,7 +171,7 @@ class AgentsVecEnv(VecEnv):
         results = self.envs.agent_results()
         if self._reward is not None:
             # The end of an agent that has left is repeated in each later step.
-            rewards = np.where(self._absent, np.float32(0.0), self._reward(results)).reshape(-1)
+            rewards = np.where(self._absent, 0.0, self._reward(results)).astype(np.float32).reshape(-1)
         elif self._has_team_rewards:
             rewards = np.repeat(team_rewards.astype(np.float32), self.agents)
         else:

@@ -172,7 +172,7 @@ def test_rows_equal_those_of_the_environments(actions):
 
 def test_decisions_and_rewards_are_those_of_the_arguments():
     def own_loss(results):
-        return -(results.terminations & ~results.truncations).astype(np.float32)
+        return -1.0 * (results.terminations & ~results.truncations)
 
     envs = sparring.sb3.vec_env(8, "kessler/survival", level=9, reward=own_loss)
     envs.seed(2)
@@ -182,6 +182,7 @@ def test_decisions_and_rewards_are_those_of_the_arguments():
         _, rewards, dones, _ = envs.step(np.zeros((24, 2), np.float32))
         totals += rewards
         episodes += dones
+        assert rewards.dtype == np.float32, "the function returns float64"
         lost = rewards < 0.0
         assert envs.active[lost].all()
         ended_early |= lost & ~dones
@@ -204,6 +205,21 @@ def test_decisions_and_rewards_are_those_of_the_arguments():
         sparring.sb3.vec_env(2, decision_steps=0)
 
 
+def test_agents_outside_kessler_have_their_own_rewards():
+    envs = sparring.sb3.vec_env(4, "tasking/constellation")
+    envs.seed(2)
+    envs.reset()
+    rng, different = np.random.default_rng(1), 0
+    for _ in range(60):
+        rows, rewards, *_ = envs.step(rng.integers(0, envs.action_space.n, envs.num_envs))
+        assert rows.dtype == rewards.dtype == np.float32
+        own = envs.envs.agent_results().rewards
+        assert (rewards == own.reshape(-1)).all()
+        different += int((own != own[:, :1]).any())
+    assert different > 0, "all satellites have the same rewards"
+    envs.close()
+
+
 def test_invalid_setting_is_named():
     with pytest.raises(ValueError, match="autoreset_mode"):
         sparring.sb3.vec_env(2, "survival", autoreset_mode="disabled")
@@ -224,7 +240,12 @@ def test_training_with_a_curriculum_improves_skill(tmp_path):
     torch.set_num_threads(1)
     # Survival improves first, so it has most of the weight.
     weights = {"kessler/survival": {"weight": 9.0}}
-    settings = {"tasks": ["kessler/survival", "kessler/eco_station"], "task_settings": weights, "design": {"designer": "off"}}
+    settings = {
+        "tasks": ["kessler/survival", "kessler/eco_station"],
+        "task_settings": weights,
+        "strategy": "ladder",
+        "design": {"designer": "off"},
+    }
     with sparring.Curriculum.local(binary=BINARY, settings=settings, form="groups") as curriculum:
         envs = sparring.sb3.vec_env(64, curriculum=curriculum)
         model = PPO("MlpPolicy", envs, tensorboard_log=os.fspath(tmp_path), **PPO_SETTINGS, **sparring.sb3.active_only(envs))
