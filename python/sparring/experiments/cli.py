@@ -19,7 +19,7 @@ from typing import Any
 
 from ..tasks import have_equal_agents
 from .command_line import run_command
-from .experiment import DESIGNS, STRATEGIES, TARGET, Experiment, ExperimentError, Training, record, split_list
+from .experiment import DESIGNS_SUFFIX, STRATEGIES, TARGET, Experiment, ExperimentError, Training, record, split_list
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -46,8 +46,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--strategies",
         default=listed("arms"),
-        help=f"strategies to compare: {', '.join(STRATEGIES)} or {TARGET}; `all` selects all, the suffix {DESIGNS} adds designed "
-        "layouts (%(default)s)",
+        help=f"strategies to compare: {', '.join(STRATEGIES)} or {TARGET}; `all` selects all, the suffix {DESIGNS_SUFFIX} adds "
+        "designed layouts (%(default)s)",
     )
     parser.add_argument(
         "--seeds", default=listed("seeds"), help="seeds of trainings; the mean is trimmed from four seeds on (%(default)s)"

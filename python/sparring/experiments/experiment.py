@@ -20,7 +20,7 @@ STRATEGIES = (
 #: Arm that trains at a single level.
 TARGET = "target"
 #: Suffix of a strategy with designed layouts.
-DESIGNS = "+designs"
+DESIGNS_SUFFIX = "+designs"
 #: Arm with which the others are compared.
 BASELINE = "uniform"
 #: Packages whose versions affect the results.
@@ -61,9 +61,9 @@ class Experiment:
 
     def __post_init__(self) -> None:
         for arm in self.arms:
-            strategy = arm.removesuffix(DESIGNS)
+            strategy = arm.removesuffix(DESIGNS_SUFFIX)
             if strategy not in STRATEGIES and arm != TARGET:
-                known = f"{', '.join(STRATEGIES)} (each also with {DESIGNS}) and {TARGET}"
+                known = f"{', '.join(STRATEGIES)} (each also with {DESIGNS_SUFFIX}) and {TARGET}"
                 raise ExperimentError(f"--strategies must be among {known}, got {arm!r}")
         for name in ("arms", "seeds", "tasks"):
             values = getattr(self, name)
@@ -86,7 +86,7 @@ class Experiment:
 
     def run_settings(self, arm: str, seed: int) -> dict[str, Any]:
         """Returns the settings of the run of a training, for `POST /v1/runs`."""
-        strategy, designs = arm.removesuffix(DESIGNS), arm.endswith(DESIGNS)
+        strategy, designs = arm.removesuffix(DESIGNS_SUFFIX), arm.endswith(DESIGNS_SUFFIX)
         settings: dict[str, Any] = {
             "name": f"{arm}, seed {seed}",
             "seed": seed,

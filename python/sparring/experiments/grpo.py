@@ -51,8 +51,8 @@ class Config(LearnerConfig):
         )
 
 
-class Step(NamedTuple):
-    """Decision of all environments, envs × agents."""
+class Decisions(NamedTuple):
+    """Decisions of all agents, rows × agents. The rows are environments, or the steps of one environment."""
 
     observations: npt.NDArray[np.float32]
     actions: npt.NDArray[np.int64]
@@ -62,14 +62,10 @@ class Step(NamedTuple):
     active: npt.NDArray[np.bool_]
 
 
-class Episode(NamedTuple):
-    """Complete episode of one environment, decisions × agents."""
+class Episode(Decisions):
+    """Decisions of a complete episode of one environment, whose rows are steps."""
 
-    observations: npt.NDArray[np.float32]
-    actions: npt.NDArray[np.int64]
-    log_probs: npt.NDArray[np.float32]
-    rewards: npt.NDArray[np.float32]
-    active: npt.NDArray[np.bool_]
+    __slots__ = ()
 
     def returns(self) -> npt.NDArray[np.float64]:
         """Returns the sum of the rewards of each agent."""
@@ -87,7 +83,7 @@ class GroupCollector:
         self._observations = np.asarray(envs.reset(seed=config.seed)[0])
         self._absent = envs.absent_agents().copy()
         # Decisions of the running episodes: those of environment k begin at the k-th index, counted from the first decision.
-        self._steps: deque[Step] = deque()
+        self._steps: deque[Decisions] = deque()
         self._dropped = 0
         self._begins = np.zeros(envs.num_envs, np.int64)
         self._scenarios = [envs.scenario(env) for env in range(envs.num_envs)]
@@ -110,7 +106,7 @@ class GroupCollector:
         results = self.envs.agent_results()
         # The end of an agent that has left is repeated in each later step.
         rewards = np.where(self._absent, np.float32(0.0), agent_rewards(results, self.config))
-        self._steps.append(Step(observations, actions, log_probs, rewards, ~self._absent))
+        self._steps.append(Decisions(observations, actions, log_probs, rewards, ~self._absent))
         self._absent = self._absent | results.terminations | results.truncations
         if "_episode" not in infos:
             return
@@ -206,7 +202,7 @@ def train(
         optimizer = torch.optim.Adam(policy.parameters(), config.learning_rate, eps=1e-5)
         while envs.total_steps < config.steps:
             started, steps = time.perf_counter(), envs.total_steps
-            optimizer.param_groups[0]["lr"] = config.learning_rate * (1.0 - 0.9 * steps / config.steps)
+            optimizer.param_groups[0]["lr"] = config.learning_rate_at(steps)
             groups = collector.collect(policy, config.groups, config.steps)
             metrics = learn(policy, optimizer, groups, config)
             curriculum.policy_version += 1

@@ -73,6 +73,10 @@ class LearnerConfig:
             if not getattr(self, name) > 0.0:
                 raise invalid(name, "> 0", getattr(self, name))
 
+    def learning_rate_at(self, steps: int) -> float:
+        """Returns the learning rate after some env-steps, a tenth of the first one from the end of the training on."""
+        return self.learning_rate * (1.0 - 0.9 * min(steps, self.steps) / self.steps)
+
 
 @dataclass(frozen=True)
 class Config(LearnerConfig):
@@ -314,12 +318,11 @@ def learn(policy: Policy, optimizer: torch.optim.Optimizer, rollout: Rollout, co
 
 def make_envs(config: Config, curriculum: sparring.Curriculum | None) -> sparring.VectorEnvironment:
     """Makes the environments of a training."""
-    level = None if curriculum else config.level
     return sparring.make_vec(
         config.task,
         config.num_envs,
         curriculum=curriculum,
-        level=level,
+        level=None if curriculum else config.level,
         autoreset_mode="same_step",
         threads=config.threads,
         **environment_settings(config),
@@ -358,7 +361,7 @@ def train(
         steps = 0
         while steps < config.steps:
             started = time.perf_counter()
-            optimizer.param_groups[0]["lr"] = config.learning_rate * (1.0 - 0.9 * steps / config.steps)
+            optimizer.param_groups[0]["lr"] = config.learning_rate_at(steps)
             returns = rollout.collect(envs, policy, absent)
             collected = time.perf_counter()
             metrics = learn(policy, optimizer, rollout, config)

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import functools
 import json
-import multiprocessing
-import os
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future
 from contextlib import contextmanager
 from pathlib import Path
 from queue import Empty
@@ -19,6 +17,7 @@ from ..connection import read_token
 from ..server import Server
 from . import training as trainings
 from .experiment import BASELINE, COMPARISON_FILE, Experiment, ExperimentError, ServerAddress, Training, write_json
+from .processes import CONTEXT, open_pool
 from .results import read, read_comparison
 
 #: The server's database in the experiment's folder, with runs and evaluations.
@@ -95,9 +94,7 @@ def _open_server(folder: Path, url: str | None, binary: str | None) -> Iterator[
 def _run_parallel(
     folder: Path, experiment: Experiment, missing: list[Training], address: ServerAddress, jobs: int, progress: Progress
 ) -> None:
-    # A learner's threads do not survive a fork.
-    context = multiprocessing.get_context("spawn")
-    with context.Manager() as manager, ProcessPoolExecutor(jobs, mp_context=context, initializer=_use_one_core) as pool:
+    with CONTEXT.Manager() as manager, open_pool(jobs) as pool:
         queue, stop = manager.Queue(), manager.Event()
         futures = [pool.submit(_run_one, folder, experiment, training, address, queue, stop) for training in missing]
         try:
@@ -112,10 +109,6 @@ def _run_parallel(
             # The pool has already queued one training that cannot be cancelled; it reads this event.
             stop.set()
             pool.shutdown(cancel_futures=True)
-
-
-def _use_one_core() -> None:
-    os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
 
 
 def _run_one(folder: Path, experiment: Experiment, training: Training, address: ServerAddress, queue: Any, stop: Any) -> None:

@@ -25,8 +25,8 @@ from stable_baselines3.common.callbacks import BaseCallback  # isort: skip
 UNLIMITED = 2**62
 
 
-class Policy:
-    """Policy of a model, for the evaluations of `held_out`."""
+class ModelPolicy:
+    """Policy of a model of Stable-Baselines3, with what evaluations need."""
 
     def __init__(self, model: PPO, config: Config) -> None:
         self.model, self.config = model, config
@@ -80,13 +80,13 @@ def make_envs(config: Config, curriculum: sparring.Curriculum | None) -> sb3.Age
 def train(
     config: Config,
     curriculum: sparring.Curriculum,
-    report: Callable[[int, Policy, dict[str, float]], None] | None = None,
+    report: Callable[[int, ModelPolicy, dict[str, float]], None] | None = None,
     report_metrics: bool = True,
-) -> Policy:
+) -> ModelPolicy:
     """Trains a policy and returns it.
 
     Args:
-        config: Hyperparameters; the learning rate falls linearly to a tenth, as in `ppo.train`.
+        config: Hyperparameters.
         curriculum: Source of the scenarios.
         report: Called after each update with the number of steps, the policy and metrics.
         report_metrics: False to send no metrics to the curriculum's run; otherwise they are sent at most once a second.
@@ -94,10 +94,8 @@ def train(
     torch.set_num_threads(config.threads)
     envs = make_envs(config, curriculum)
     # Stable-Baselines3 counts decisions of agents, and a config steps of environments.
-    model = make_model(
-        config, envs, lambda _: config.learning_rate * (1.0 - 0.9 * min(1.0, envs.envs.total_steps / config.steps))
-    )
-    policy = Policy(model, config)
+    model = make_model(config, envs, lambda _: config.learning_rate_at(envs.envs.total_steps))
+    policy = ModelPolicy(model, config)
     stop = _StopAtBudget(config.steps, lambda steps, metrics: report(steps, policy, metrics) if report else None)
     try:
         model.learn(UNLIMITED, [stop, sb3.CurriculumCallback(curriculum, report=report_metrics)])

@@ -127,6 +127,12 @@ def test_invalid_hyperparameter_is_named():
             grpo.Config(**{name: value})
 
 
+def test_learning_rate_falls_linearly_to_a_tenth():
+    config = grpo.Config(learning_rate=0.01, steps=200)
+    assert [config.learning_rate_at(steps) for steps in (0, 100, 200, 300)] == pytest.approx([0.01, 0.0055, 0.001, 0.001])
+    assert ppo.Config(learning_rate=0.01, steps=200).learning_rate_at(100) == config.learning_rate_at(100)
+
+
 def test_tuned_settings_have_the_rewards_of_ppo():
     assert grpo.Config.tuned("kessler/rendezvous", seed=4).reward_weight == 4.0
     assert grpo.Config.tuned("docking/single").decision_steps == 5

@@ -11,11 +11,16 @@ one begins anew. `docs/reference/evidence-protocol.md` says what is run and meas
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..command_line import run_command
 from ..experiment import ExperimentError, split_list
-from .protocol import ARMS, PROBLEMS, SEEDS, find_arm, find_problem
+from .protocol import ARMS, PROBLEMS, SEEDS, not_among
+
+if TYPE_CHECKING:
+    from .training import Training
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -35,11 +40,15 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--out", type=Path, required=True, help="folder of the results; existing results are kept")
-    parser.add_argument("--problems", default="", help=f"problems (default: {', '.join(each.name for each in PROBLEMS)})")
-    parser.add_argument("--arms", default="", help=f"arms (default: {', '.join(each.name for each in ARMS)})")
-    parser.add_argument("--seeds", default="", help=f"seeds (default: {SEEDS[0]} to {SEEDS[-1]}, of most arms the first five)")
+    parser.add_argument("--problems", help=f"problems (default: {', '.join(each.name for each in PROBLEMS)})")
+    parser.add_argument("--arms", help=f"arms (default: {', '.join(each.name for each in ARMS)})")
+    parser.add_argument("--seeds", help=f"seeds (default: {SEEDS[0]} to {SEEDS[-1]}, of most arms the first five)")
     parser.add_argument("--jobs", type=int, default=1, help="parallel trainings, one core each (%(default)s)")
-    parser.add_argument("--budget", type=int, help="env-steps of each training, for a trial (default: those of the protocol)")
+    parser.add_argument(
+        "--budget",
+        type=int,
+        help="env-steps of each training, for a trial in a folder of its own (default: those of the protocol)",
+    )
     parser.add_argument("--binary", help="program of the server (default: SPARRING_BIN, or that of the package sparring-server)")
     parser.add_argument("--report", action="store_true", help="only write the tables and figures of the complete trainings")
     return parser
@@ -49,21 +58,13 @@ def _run(args: argparse.Namespace) -> None:
     from tqdm import tqdm
 
     from . import report, runner
-    from .training import Training
 
-    problems = [find_problem(name).name for name in split_list(args.problems)]
-    arms = [find_arm(name).name for name in split_list(args.arms)]
-    trainings = runner.planned(problems, arms, _read_seeds(args.seeds))
-    if not trainings:
-        known = "; ".join(f"{problem.name}: {', '.join(problem.arms)}" for problem in PROBLEMS if problem.name in problems)
-        raise ExperimentError(
-            f"--arms and --seeds must be of a training of the protocol ({known}), got {args.arms} and {args.seeds}"
-        )
+    trainings = _selected(args)
     for name, value in (("jobs", args.jobs), ("budget", args.budget)):
         if value is not None and value < 1:
             raise ExperimentError(f"--{name} must be >= 1, got {value}")
     if not args.report:
-        missing = runner.missing(args.out, trainings)
+        missing = runner.missing(args.out, trainings, args.budget)
         print(f"{len(trainings) - len(missing)} of {len(trainings)} trainings are complete")
         with tqdm(total=len(missing), unit=" trainings", dynamic_ncols=True) as bar:
 
@@ -76,12 +77,39 @@ def _run(args: argparse.Namespace) -> None:
         print(file)
 
 
-def _read_seeds(text: str) -> list[int]:
-    try:
-        seeds = [int(seed) for seed in split_list(text)]
-    except ValueError as error:
-        raise ExperimentError(f"--seeds must be integers separated by commas, got {text!r}") from error
-    unknown = sorted(set(seeds) - set(SEEDS))
-    if unknown:
-        raise ExperimentError(f"--seeds must be from {SEEDS[0]} to {SEEDS[-1]}, got {unknown[0]}")
-    return seeds
+def _selected(args: argparse.Namespace) -> list[Training]:
+    """Returns the trainings of the options `--problems`, `--arms` and `--seeds`.
+
+    Raises:
+        ExperimentError: An option is empty, has an unknown value, or has none of the trainings that the others select.
+    """
+    from .runner import planned
+
+    problems = _read_list("--problems", args.problems, [problem.name for problem in PROBLEMS])
+    arms = _read_list("--arms", args.arms, [arm.name for arm in ARMS])
+    seeds = _read_list("--seeds", args.seeds, [str(seed) for seed in SEEDS], ", which no tuning used")
+    trainings = planned(problems, arms, [int(seed) for seed in seeds])
+    if trainings:
+        return trainings
+    of_problems = f" for {args.problems or 'all problems'}"
+    of_any_seed = planned(problems, arms)
+    if not of_any_seed:
+        raise not_among("--arms", _unique(each.arm for each in planned(problems)), args.arms, of_problems)
+    raise not_among(
+        "--seeds", _unique(each.seed for each in of_any_seed), args.seeds, f" with {args.arms or 'all arms'}{of_problems}"
+    )
+
+
+def _read_list(option: str, text: str | None, known: list[str], note: str = "") -> list[str]:
+    """Returns the values of an option, each of which must be known; none if the option is omitted."""
+    if text is None:
+        return []
+    values = list(split_list(text))
+    for value in values or [text]:
+        if value not in known:
+            raise not_among(option, known, value, note)
+    return values
+
+
+def _unique(values: Iterable[object]) -> list[object]:
+    return list(dict.fromkeys(values))

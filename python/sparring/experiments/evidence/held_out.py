@@ -21,8 +21,8 @@ from .protocol import HELD_OUT_SCENARIOS, HELD_OUT_SEED
 ENVS = 50
 
 
-class FlyingPolicy(Protocol):
-    """Policy of a learner, as evaluations use it."""
+class SampledPolicy(Protocol):
+    """Policy of a learner that samples its actions, as evaluations use it."""
 
     #: Values of an agent's observation, and number of actions.
     sizes: tuple[int, int]
@@ -104,7 +104,7 @@ class Measured:
         return float(values[1::2].mean(axis=0)[rank[: max(1, len(rank) // 10)]].mean())
 
 
-def measure(policy: FlyingPolicy, held_out: HeldOut, episodes: int, seed: int, record: bool = False) -> Measured:
+def measure(policy: SampledPolicy, held_out: HeldOut, episodes: int, seed: int, record: bool = False) -> Measured:
     """Flies every scenario some times by a policy that samples its actions; does not change the state of torch.
 
     Args:
@@ -127,7 +127,7 @@ def measure(policy: FlyingPolicy, held_out: HeldOut, episodes: int, seed: int, r
 class Flights:
     """Flies scenarios in some environments, each of which takes the next one when its episode ends."""
 
-    def __init__(self, policy: FlyingPolicy, scenarios: list[sparring.Scenario], record: bool = False) -> None:
+    def __init__(self, policy: SampledPolicy, scenarios: list[sparring.Scenario], record: bool = False) -> None:
         self.policy, self.scenarios, self.record = policy, scenarios, record
         # Actions of all environments in each decision, and the recorded actions of each scenario.
         self._decisions: list[npt.NDArray[np.float32]] = []

@@ -8,11 +8,11 @@ import sparring
 
 from .. import grpo, ppo
 from ..experiment import ExperimentError
-from .held_out import FlyingPolicy
+from .held_out import SampledPolicy
 from .protocol import Problem
 
 #: Called after each update with the number of steps, the policy and metrics.
-Report = Callable[[int, FlyingPolicy, dict[str, float]], None]
+Report = Callable[[int, SampledPolicy, dict[str, float]], None]
 
 
 def check(problems: Iterable[Problem]) -> None:
@@ -29,7 +29,7 @@ def check(problems: Iterable[Problem]) -> None:
                 raise ExperimentError(f"--problems {problem.name}: {error}") from error
 
 
-def train(problem: Problem, seed: int, curriculum: sparring.Curriculum, report: Report) -> FlyingPolicy:
+def train(problem: Problem, seed: int, curriculum: sparring.Curriculum, report: Report) -> SampledPolicy:
     """Trains the learner of a problem; returns its policy."""
     changes = {"steps": problem.budget, "seed": seed, **problem.hyperparameters}
     if problem.learner == "grpo":

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import sparring
 
@@ -15,11 +15,13 @@ SEEDS = tuple(range(101, 111))
 #: Number of seeds of an arm that no claim is about.
 FEW_SEEDS = 5
 #: Arm with which all others are compared.
-BASELINE = "uniform-levels"
-#: Arms of the claims, with all seeds.
-CLAIMED = (BASELINE, "uniform-rungs", "auto")
+BASELINE_ARM = "uniform-levels"
 #: Arm with designed layouts, and the arm without them with which it is compared.
-DESIGNS, CONTROL = "auto-designs", "auto"
+DESIGNS_ARM, CONTROL_ARM = "auto-designs", "auto"
+#: Arms of the claims, with all seeds.
+CLAIMED = (BASELINE_ARM, "uniform-rungs", CONTROL_ARM)
+#: Algorithm that trains the policy of a problem.
+Learner = Literal["ppo", "grpo", "sb3"]
 #: Held-out scenarios of a task. They have user seeds, which no curriculum proposes.
 HELD_OUT_SCENARIOS = 200
 #: Seed of the first held-out scenario that is tried. Tuning used other scenarios.
@@ -93,7 +95,7 @@ def _scaled(task: str, start_scale: float) -> dict[str, float]:
 
 #: All arms.
 ARMS = (
-    Arm(BASELINE, "uniform", "all levels are equally likely"),
+    Arm(BASELINE_ARM, "uniform", "all levels are equally likely"),
     Arm("uniform-rungs", "bandit", "all rungs are equally likely", {"uniform": 1.0}),
     Arm("fixed", "fixed", "the default params of the task"),
     Arm("ramp", "uniform", "the rungs one after the other, at a rate that knows the budget", levels=ramp),
@@ -104,8 +106,8 @@ ARMS = (
     Arm("staircase", "staircase", "the sampler staircase"),
     Arm("controller", "controller", "the sampler controller"),
     Arm("bandit", "bandit", "the sampler bandit"),
-    Arm(CONTROL, "auto", "the sampler that the table of the strategy auto names"),
-    Arm(DESIGNS, "auto", "auto, with layouts of the procedural designer", designer="procedural"),
+    Arm(CONTROL_ARM, "auto", "the sampler that the table of the strategy auto names"),
+    Arm(DESIGNS_ARM, "auto", "auto, with layouts of the procedural designer", designer="procedural"),
     Arm("learnability", "learnability", "levels and scenarios by p(1 − p) of a model of success"),
     Arm(
         "learnability-rollouts", "learnability", "sampling for learnability, with scoring rollouts counted",
@@ -132,8 +134,8 @@ class Problem:
     thresholds: tuple[float, float]
     #: Settings of the learner that differ from those tuned for the task.
     hyperparameters: dict[str, Any] = field(default_factory=dict)
-    #: Algorithm: `ppo`, `grpo` or `sb3`.
-    learner: str = "ppo"
+    #: Its algorithm.
+    learner: Learner = "ppo"
     #: Episodes for each scenario, of a learner that needs groups; None for those of the arm.
     group_size: int | None = None
     #: Names of its arms.
@@ -163,15 +165,15 @@ PROBLEMS = (
     Problem("tasking/scanning", "tasking/scanning", 300_000, "skill", (0.1, 0.0)),
     Problem(
         "kessler/survival-groups", "kessler/survival", 400_000, "skill", (0.5, 0.4), learner="grpo", group_size=8,
-        arms=(BASELINE, "contested", "auto", "ladder"), claimed=(),
+        arms=(BASELINE_ARM, "contested", CONTROL_ARM, "ladder"), claimed=(),
     ),
     Problem(
         "docking/single-sb3", "docking/single", 4_000_000, "success", (0.7, 0.5), learner="sb3",
-        arms=(BASELINE, "auto"), claimed=(),
+        arms=(BASELINE_ARM, CONTROL_ARM), claimed=(),
     ),
     Problem(
         "kessler/survival-sb3", "kessler/survival", 400_000, "skill", (0.5, 0.4), learner="sb3",
-        arms=(BASELINE, "auto"), claimed=(),
+        arms=(BASELINE_ARM, CONTROL_ARM), claimed=(),
     ),
 )  # fmt: skip
 
@@ -200,4 +202,9 @@ def _find(known: Sequence[Named], name: str, option: str) -> Named:
     for each in known:
         if each.name == name:
             return each
-    raise ExperimentError(f"{option} must be among {', '.join(each.name for each in known)}, got {name!r}")
+    raise not_among(option, (each.name for each in known), name)
+
+
+def not_among(option: str, known: Iterable[object], value: str, note: str = "") -> ExperimentError:
+    """Returns the error of an option whose value is unknown; the message lists the known values, then a note about them."""
+    return ExperimentError(f"{option} must be among {', '.join(map(str, known))}{note}, got {value!r}")

@@ -11,8 +11,8 @@ import numpy as np
 
 from ..report import format_table, save_figure
 from ..results import Interval
-from .protocol import ARMS, BASELINE, CONTROL, DESIGNS, PROBLEMS, Problem
-from .statistics import Outcome, difference, mean, ratio_of_steps, read, relative_area
+from .protocol import ARMS, BASELINE_ARM, CONTROL_ARM, DESIGNS_ARM, PROBLEMS, Problem
+from .statistics import Outcome, difference, mean, pairs, ratio_of_steps, read, relative_area
 
 #: Name of the report's file.
 REPORT_FILE = "report.md"
@@ -52,7 +52,9 @@ def of_arm(outcomes: Sequence[Outcome], arm: str) -> list[Outcome]:
 
 def _table(problem: Problem, outcomes: Sequence[Outcome]) -> str:
     head = [column.format(*problem.thresholds) for column in COLUMNS]
-    rows = [_row(problem, of_arm(outcomes, arm.name), of_arm(outcomes, BASELINE)) for arm in ARMS if of_arm(outcomes, arm.name)]
+    rows = [
+        _row(problem, of_arm(outcomes, arm.name), of_arm(outcomes, BASELINE_ARM)) for arm in ARMS if of_arm(outcomes, arm.name)
+    ]
     return format_table(head, rows)
 
 
@@ -61,14 +63,14 @@ def _designs(outcomes: Sequence[Outcome]) -> list[str]:
     rows = []
     for problem in PROBLEMS:
         of_problem = [outcome for outcome in outcomes if outcome.problem.name == problem.name]
-        designs, control = of_arm(of_problem, DESIGNS), of_arm(of_problem, CONTROL)
-        if designs and control:
+        designs, control = pairs(of_arm(of_problem, DESIGNS_ARM), of_arm(of_problem, CONTROL_ARM))
+        if designs:
             changes = [difference(designs, control, measure) for measure in ("worst_tenth", problem.measure)]
             rows.append([problem.name, str(len(designs)), *(_format(change, "+.3f") for change in changes)])
     if not rows:
         return []
-    return [f"## Designed layouts\n\nFinal policies of `{DESIGNS}`, compared with those of `{CONTROL}`.\n",
-            format_table(["problem", "seeds", "worst tenth", "mean"], rows)]  # fmt: skip
+    caption = f"Final policies of `{DESIGNS_ARM}`, compared with those of `{CONTROL_ARM}` in pairs with the same seed."
+    return [f"## Designed layouts\n\n{caption}\n", format_table(["problem", "pairs", "worst tenth", "mean"], rows)]
 
 
 def _row(problem: Problem, arm: Sequence[Outcome], baseline: Sequence[Outcome]) -> list[str]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
+import json
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from pathlib import Path
 
+from ..experiment import ExperimentError
+from ..processes import open_pool
 from . import held_out, learners, training
 from .protocol import PROBLEMS, SEEDS, find_problem
 from .training import Training
@@ -32,8 +33,21 @@ def planned(problems: Sequence[str] = (), arms: Sequence[str] = (), seeds: Seque
     ]
 
 
-def missing(folder: Path, trainings: Sequence[Training]) -> list[Training]:
-    """Returns the trainings without results."""
+def missing(folder: Path, trainings: Sequence[Training], budget: int | None = None) -> list[Training]:
+    """Returns the trainings without results; `budget` replaces that of the protocol for a trial.
+
+    Raises:
+        ExperimentError: The folder has a training of the same problems with another budget, which the command would not replace.
+    """
+    for name in dict.fromkeys(each.problem for each in trainings):
+        asked = budget or find_problem(name).budget
+        for file in sorted(training.results_folder(folder, name).glob("*.json")):
+            stored = training.stored_budget(json.loads(file.read_text()))
+            if stored != asked:
+                raise ExperimentError(
+                    f"--out must have no training of {name} with another budget than {asked} steps, "
+                    f"got {file} with {stored}: choose another folder"
+                )
     return [each for each in trainings if not each.file(folder).exists()]
 
 
@@ -62,8 +76,7 @@ def run(
             training.run(folder, each, binary, budget)
             done(each)
         return
-    context = multiprocessing.get_context("spawn")  # a learner's threads do not survive a fork
-    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_use_one_core) as pool:
+    with open_pool(jobs) as pool:
         futures = {pool.submit(training.run, folder, each, binary, budget): each for each in trainings}
         try:
             for future in as_completed(futures):
@@ -71,7 +84,3 @@ def run(
                 done(futures[future])
         finally:
             pool.shutdown(cancel_futures=True)
-
-
-def _use_one_core() -> None:
-    os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from ..experiment import ExperimentError
 from ..results import Interval
 from .protocol import ARMS, PROBLEMS, Problem, find_problem
-from .training import Training
+from .training import Training, results_folder, stored_budget
 
 #: Resamples of a bootstrap.
 RESAMPLES = 10_000
@@ -58,21 +58,32 @@ def read(folder: Path) -> list[Outcome]:
     """Reads the complete trainings, in the order of the protocol.
 
     Raises:
-        ExperimentError: There are none.
+        ExperimentError: There are none, or those of a problem have several budgets, so that they cannot be compared.
     """
     files = sorted((folder / "trainings").glob("*/*.json"))
     if not files:
         raise ExperimentError(f"--out must have a complete training, got {folder}; run it without --report first")
     outcomes = [_outcome(json.loads(file.read_text())) for file in files]
+    _check_budgets(folder, outcomes)
     problems, arms = [problem.name for problem in PROBLEMS], [arm.name for arm in ARMS]
     return sorted(
         outcomes, key=lambda each: (problems.index(each.problem.name), arms.index(each.training.arm), each.training.seed)
     )
 
 
+def _check_budgets(folder: Path, outcomes: Sequence[Outcome]) -> None:
+    for name in dict.fromkeys(outcome.problem.name for outcome in outcomes):
+        budgets = sorted({outcome.problem.budget for outcome in outcomes if outcome.problem.name == name})
+        if len(budgets) > 1:
+            raise ExperimentError(
+                f"--out must have trainings of {name} with one budget, got {' and '.join(map(str, budgets))} steps in "
+                f"{results_folder(folder, name)}; move those of the trials to another folder"
+            )
+
+
 def _outcome(row: dict[str, Any]) -> Outcome:
     problem = find_problem(row["problem"])
-    problem = replace(problem, budget=row.get("budget", problem.budget))
+    problem = replace(problem, budget=stored_budget(row))
     return Outcome(
         Training(row["problem"], row["arm"], row["seed"]),
         problem,

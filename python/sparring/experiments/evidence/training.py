@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import sparring
 from ..experiment import package_versions, write_json
 from . import held_out as held_out_scenarios
 from . import learners
-from .held_out import FlyingPolicy, HeldOut, measure
+from .held_out import HeldOut, SampledPolicy, measure
 from .protocol import FINAL_EPISODES, LOOKS, Arm, Problem, find_arm, find_problem
 
 #: Seed of the actions of all evaluations.
@@ -29,7 +30,17 @@ class Training:
 
     def file(self, folder: Path) -> Path:
         """Returns the file of its results."""
-        return folder / "trainings" / self.problem.replace("/", "-") / f"{self.arm}-{self.seed}.json"
+        return results_folder(folder, self.problem) / f"{self.arm}-{self.seed}.json"
+
+
+def results_folder(folder: Path, problem: str) -> Path:
+    """Returns the folder with the results of a problem's trainings."""
+    return folder / "trainings" / problem.replace("/", "-")
+
+
+def stored_budget(results: Mapping[str, Any]) -> int:
+    """Returns the budget of a training from its results, env-steps; that of the protocol if they do not have it."""
+    return int(results.get("budget", find_problem(results["problem"]).budget))
 
 
 def run(folder: Path, training: Training, binary: str | None = None, budget: int | None = None) -> None:
@@ -65,6 +76,7 @@ def run(folder: Path, training: Training, binary: str | None = None, budget: int
             "skill": final.mean("skill"),
             "worst_tenth": final.worst_tenth(problem.measure),
         },
+        "complete_groups": mastery["group_counts"]["complete"],
         "zero_variance": mastery["group_counts"]["zero_variance_share"],
         "seconds": round(time.monotonic() - started, 1),
         "versions": package_versions(),
@@ -83,13 +95,13 @@ class _Monitor:
         self._next = 0
         self._levels = arm.levels and arm.levels(problem.task, 0.0)
 
-    def after_rollout(self, steps: int, policy: FlyingPolicy, _: dict[str, float]) -> None:
+    def after_rollout(self, steps: int, policy: SampledPolicy, _: dict[str, float]) -> None:
         """Evaluates the policy if an evaluation is due; the last rollout always is."""
         self._change_levels(steps)
         if steps < self._next and steps < self.problem.budget:
             return
         while self._next <= steps:
-            self._next += self.problem.budget // LOOKS
+            self._next += max(1, self.problem.budget // LOOKS)
         measured = measure(policy, self.held_out, 1, EVALUATION_SEED)
         self.curve.append({"steps": steps, "success": measured.mean("success"), "skill": measured.mean("skill")})
 
