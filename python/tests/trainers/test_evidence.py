@@ -95,6 +95,26 @@ def test_designs_are_compared_with_their_control(tmp_path):
     assert protocol.find_arm(protocol.CONTROL_ARM).run_settings(TASK, 101)["design"] == {"designer": "off"}
 
 
+def test_aimed_failure_is_that_of_the_most_designed_episodes(tmp_path):
+    shares = {1: ({"crash": 0.3, "timeout": 0.2}, {"crash": 0.5, "timeout": 0.1}), 2: ({"timeout": 0.4}, {"crash": 0.2})}
+    aimed = {1: {"crash": 40, "timeout": 9}, 2: {"crash": 3, "timeout": 30}}
+    designs, control = [], []
+    for seed, (own, other) in shares.items():
+        designs.append(dataclasses.replace(outcome(seed, [0.0, 0.5]), failures=own, aimed=aimed[seed]))
+        control.append(dataclasses.replace(outcome(seed, [0.0, 0.5]), failures=other))
+    # Seed 1 aims at crashes, 0.3 − 0.5; seed 2 at timeouts, which its control does not have: 0.4 − 0.
+    assert statistics.aimed_failure_difference(designs, control).mean == pytest.approx(0.1)
+    assert statistics.aimed_failure_difference(designs[:1], control).mean == pytest.approx(-0.2)
+    unmeasured = [dataclasses.replace(each, failures=None) for each in control]
+    assert statistics.aimed_failure_difference(designs, unmeasured) is None
+    for arm, outcomes in ((protocol.DESIGNS_ARM, designs), (protocol.CONTROL_ARM, control)):
+        for each in outcomes:
+            training_ = Training(TASK, arm, each.training.seed)
+            write_results(tmp_path, training_, final=each.final, failures=each.failures, aimed=each.aimed)
+    report.write(tmp_path)
+    assert "| +0.100 [-0.200, +0.400] | crash (1), timeout (1) |" in (tmp_path / "report.md").read_text()
+
+
 def test_worst_tenth_is_ranked_by_other_episodes():
     skill = np.zeros((8, 20))
     skill[::2, :2] = -1.0  # the ranking episodes of two scenarios are bad by chance
@@ -264,6 +284,7 @@ def test_second_learner_trains_by_the_same_protocol(tmp_path):
     results = json.loads((tmp_path / "trainings/kessler-survival-sb3/auto-101.json").read_text())
     assert [look["steps"] for look in results["curve"]] == [6400, 12800]
     assert -1.0 <= results["final"]["skill"] <= 1.0
+    assert 0.0 < results["failures"]["collision"] <= 1.0 and results["aimed"] == {}
     assert results["versions"]["stable-baselines3"] != "none"
 
 

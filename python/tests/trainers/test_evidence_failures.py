@@ -32,10 +32,11 @@ def test_recorded_episodes_replay_with_the_measured_score(task, tmp_path):
 
 def test_shares_count_each_mode_once_an_episode():
     scenarios = [sparring.Scenario("kessler/survival", level=9, seed=seed) for seed in range(20)]
-    outcomes, logs = zip(*(sparring.rollout(scenario, "hold", 0) for scenario in scenarios), strict=True)
+    flown = [(scenario, *sparring.rollout(scenario, "hold", 0)) for scenario in scenarios]
     # Doing nothing loses a satellite or several by a collision.
-    lost = sum(not outcome.success for outcome in outcomes)
-    assert 0.2 < failures.failure_shares(scenarios, logs)["collision"] == lost / 20 <= 1.0
+    lost = sum(not outcome.success for _, outcome, _ in flown)
+    shares = failures.failure_shares([held_out.RecordedEpisode(scenario, actions) for scenario, _, actions in flown])
+    assert 0.2 < shares["collision"] == lost / 20 <= 1.0
 
 
 @needs_server

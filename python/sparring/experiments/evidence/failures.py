@@ -5,21 +5,20 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-import numpy as np
-import numpy.typing as npt
-
 import sparring
+
+from .held_out import RecordedEpisode
 
 #: Largest number of designs on a page of the server.
 PAGE = 500
 
 
-def failure_shares(scenarios: Sequence[sparring.Scenario], logs: Sequence[npt.NDArray[np.float32]]) -> dict[str, float]:
+def failure_shares(episodes: Sequence[RecordedEpisode]) -> dict[str, float]:
     """Returns the share of episodes that have at least one failure of each mode, by the critique of their action logs."""
     modes: Counter[str] = Counter()
-    for scenario, log in zip(scenarios, logs, strict=True):
-        modes.update({failure["mode"] for failure in sparring.critique(scenario, log)["failures"]})
-    return {mode: modes[mode] / len(logs) for mode in sorted(modes)}
+    for scenario, actions in episodes:
+        modes.update({failure["mode"] for failure in sparring.critique(scenario, actions)["failures"]})
+    return {mode: modes[mode] / len(episodes) for mode in sorted(modes)}
 
 
 def aimed_episodes(curriculum: sparring.Curriculum) -> dict[str, int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,17 @@ import numpy as np
 from ..report import format_table, save_figure
 from ..results import Interval
 from .protocol import ARMS, BASELINE_ARM, CONTROL_ARM, DESIGNS_ARM, PROBLEMS, Problem
-from .statistics import Outcome, difference, mean, pairs, ratio_of_steps, read, relative_area
+from .statistics import (
+    Outcome,
+    aimed_failure_difference,
+    aimed_mode,
+    difference,
+    mean,
+    pairs,
+    ratio_of_steps,
+    read,
+    relative_area,
+)
 
 #: Name of the report's file.
 REPORT_FILE = "report.md"
@@ -21,6 +32,9 @@ COLUMNS = (
     "arm", "seeds", "thousand steps to {0}", "mean", "ratio", "to {1}", "ratio", "area", "against uniform levels", "final",
     "worst tenth", "zero variance",
 )  # fmt: skip
+
+#: Columns of the table of designed layouts.
+DESIGN_COLUMNS = ("problem", "pairs", "worst tenth", "mean", "aimed failure", "aimed mode (pairs)")
 
 
 def write(folder: Path) -> list[Path]:
@@ -66,11 +80,14 @@ def _designs(outcomes: Sequence[Outcome]) -> list[str]:
         designs, control = pairs(of_arm(of_problem, DESIGNS_ARM), of_arm(of_problem, CONTROL_ARM))
         if designs:
             changes = [difference(designs, control, measure) for measure in ("worst_tenth", problem.measure)]
-            rows.append([problem.name, str(len(designs)), *(_format(change, "+.3f") for change in changes)])
+            changes.append(aimed_failure_difference(designs, control))
+            modes = Counter(mode for mode in map(aimed_mode, designs) if mode is not None)
+            aims = ", ".join(f"{mode} ({pairs})" for mode, pairs in modes.most_common()) or "–"
+            rows.append([problem.name, str(len(designs)), *(_format(change, "+.3f") for change in changes), aims])
     if not rows:
         return []
     caption = f"Final policies of `{DESIGNS_ARM}`, compared with those of `{CONTROL_ARM}` in pairs with the same seed."
-    return [f"## Designed layouts\n\n{caption}\n", format_table(["problem", "pairs", "worst tenth", "mean"], rows)]
+    return [f"## Designed layouts\n\n{caption}\n", format_table(list(DESIGN_COLUMNS), rows)]
 
 
 def _row(problem: Problem, arm: Sequence[Outcome], baseline: Sequence[Outcome]) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +34,10 @@ class Outcome:
     final: dict[str, float]
     #: Share of groups whose episodes all have the same score; None if groups have one episode.
     zero_variance: float | None
+    #: Share of final episodes with at least one failure of each mode; None for a training of before this was measured.
+    failures: dict[str, float] | None = None
+    #: Number of episodes on layouts that aim at each failure mode.
+    aimed: dict[str, int] = field(default_factory=dict)
 
     def steps_to(self, threshold: float) -> float | None:
         """Returns the steps at the first of two evaluations whose mean is the threshold or more; None if there are none.
@@ -91,6 +95,8 @@ def _outcome(row: dict[str, Any]) -> Outcome:
         np.array([look[problem.measure] for look in row["curve"]], np.float64),
         row["final"],
         row["zero_variance"],
+        row.get("failures"),
+        row.get("aimed", {}),
     )
 
 
@@ -136,6 +142,25 @@ def difference(arm: Sequence[Outcome], control: Sequence[Outcome], measure: str)
     if not arm:
         return None
     return mean([own.final[measure] - other.final[measure] for own, other in zip(arm, control, strict=True)])
+
+
+def aimed_mode(designs: Outcome) -> str | None:
+    """Returns the failure mode at which most designed episodes of a training aim; None without any."""
+    return max(designs.aimed, key=lambda mode: designs.aimed[mode], default=None)
+
+
+def aimed_failure_difference(designs: Sequence[Outcome], control: Sequence[Outcome]) -> Interval | None:
+    """Returns by how much the share of episodes with the aimed failure is larger than without designed layouts.
+
+    The mode is that at which most designed episodes of the pair aim. None if no pair has such a mode and both shares.
+    """
+    designs, control = pairs(designs, control)
+    changes = []
+    for own, other in zip(designs, control, strict=True):
+        mode = aimed_mode(own)
+        if mode is not None and own.failures is not None and other.failures is not None:
+            changes.append(own.failures.get(mode, 0.0) - other.failures.get(mode, 0.0))
+    return mean(changes) if changes else None
 
 
 def mean(values: Sequence[float]) -> Interval:

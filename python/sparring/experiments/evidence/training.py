@@ -13,6 +13,7 @@ import sparring
 from ..experiment import package_versions, write_json
 from . import held_out as held_out_scenarios
 from . import learners
+from .failures import aimed_episodes, failure_shares
 from .held_out import HeldOut, SampledPolicy, measure
 from .protocol import FINAL_EPISODES, LOOKS, Arm, Problem, find_arm, find_problem
 
@@ -63,8 +64,9 @@ def run(folder: Path, training: Training, binary: str | None = None, budget: int
     with sparring.Curriculum.local(binary=binary, settings=settings, form="groups") as curriculum:
         monitor = _Monitor(problem, arm, curriculum, scenarios)
         policy = learners.train(problem, training.seed, curriculum, monitor.after_rollout)
-        final = measure(policy, scenarios, FINAL_EPISODES, EVALUATION_SEED)
+        final = measure(policy, scenarios, FINAL_EPISODES, EVALUATION_SEED, record=True)
         mastery = curriculum.mastery()[0]
+        aimed = aimed_episodes(curriculum)
     results = {
         "problem": training.problem,
         "arm": training.arm,
@@ -76,6 +78,8 @@ def run(folder: Path, training: Training, binary: str | None = None, budget: int
             "skill": final.mean("skill"),
             "worst_tenth": final.worst_tenth(problem.measure),
         },
+        "failures": failure_shares(final.recorded),
+        "aimed": aimed,
         "complete_groups": mastery["group_counts"]["complete"],
         "zero_variance": mastery["group_counts"]["zero_variance_share"],
         "seconds": round(time.monotonic() - started, 1),
