@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::episode_length::EpisodeLength;
 use super::{ChosenRung, RungResult, Sampler, SamplerSetting};
 use crate::core::probabilities::normalize;
-use crate::core::settings::hyperparameters::staircase::{CHAINS, COVERAGE, SETTLE, STEP};
+use crate::core::settings::hyperparameters::staircase::{CHAINS, COVERAGE, STEP};
 use crate::core::settings::{Hyperparameters, TaskPlan};
 
 /// Positions of the chains on the rungs, and lengths of the episodes of each rung. A chain without an entry is at 0.
@@ -59,7 +59,8 @@ impl Sampler for Staircase {
         if self.positions.len() <= chain {
             self.positions.resize(chain + 1, 0.0);
         }
-        let change = change(result, setting.hyperparameters);
+        let step = setting.hyperparameters.number(&STEP);
+        let change = step * (f64::from(result.successes) - f64::from(result.failures));
         let position = (self.positions[chain] + change).max(0.0);
         let is_past_top = position >= f64::from(setting.rungs.len());
         self.positions[chain] =
@@ -137,13 +138,6 @@ impl Staircase {
             })
             .collect()
     }
-}
-
-/// Rungs by which a chain moves. At the success rate at which chains settle, its expectation is 0 (Kaernbach 1991, *Percept.
-/// Psychophys.* 49, 227–229).
-fn change(result: &RungResult, hyperparameters: &Hyperparameters) -> f64 {
-    let (step, settle) = (hyperparameters.number(&STEP), hyperparameters.number(&SETTLE));
-    2.0 * step * ((1.0 - settle) * f64::from(result.successes) - settle * f64::from(result.failures))
 }
 
 /// Largest whole number up to a position, which is not negative.

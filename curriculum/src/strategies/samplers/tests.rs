@@ -83,21 +83,6 @@ fn samplers_settle_where_half_of_the_episodes_succeed() {
     }
 }
 
-/// Success is a quarter at rung 6 + ln 3 = 7.1, and three quarters at 4.9.
-#[test]
-fn chains_settle_at_the_success_rate_of_the_settings() {
-    for (settle, at) in [(0.25, 7.1), (0.75, 4.9)] {
-        let settings = settings(StrategyKind::Staircase, DOCKING);
-        let hyperparameters =
-            Hyperparameters::parse(settings.strategy, &[("settle".to_owned(), settle.into())].into())
-                .unwrap();
-        let (_, flown) = run(&Settings { hyperparameters, ..settings }, 8000, 0, half_at_six);
-        // A chain's rung is the floor of its position, so that the mean lies up to half a rung lower.
-        let mean = mean_rung(&flown[4000..]);
-        assert!((at - 0.9..=at + 0.3).contains(&mean), "{settle}: {mean}");
-    }
-}
-
 #[test]
 fn bandit_prefers_rungs_with_both_results() {
     let (_, flown) = run(&settings(StrategyKind::Bandit, DOCKING), 6000, 0, half_at_six);

@@ -14,12 +14,6 @@ pub(crate) const STEP: Hyperparameter = Hyperparameter {
     description: "rungs by which a success moves a chain up and a failure moves it down",
     source: "Levitt 1971; a quarter, because the rungs are near each other",
 };
-pub(crate) const SETTLE: Hyperparameter = Hyperparameter {
-    name: "settle",
-    range: ValueRange::Number { default: 0.5, min: 0.1, max: 0.9 },
-    description: "success rate at which a chain settles; other rates than a half make the two moves unequal",
-    source: "Kaernbach 1991: weighted up-down method",
-};
 pub(crate) const COVERAGE: Hyperparameter = Hyperparameter {
     name: "coverage",
     range: ValueRange::Number { default: 0.03, min: 0.0, max: 1.0 },
@@ -27,4 +21,4 @@ pub(crate) const COVERAGE: Hyperparameter = Hyperparameter {
     source: "own choice, against forgetting",
 };
 
-pub(crate) const ALL: &[Hyperparameter] = &[CHAINS, STEP, SETTLE, COVERAGE];
+pub(crate) const ALL: &[Hyperparameter] = &[CHAINS, STEP, COVERAGE];
