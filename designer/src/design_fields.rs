@@ -43,24 +43,6 @@ pub(crate) fn parse_choice(field: &str, value: Option<&Value>, names: &[&str]) -
         .ok_or_else(|| FieldError::new(field, format!("must be one of {}", names.join(", "))))
 }
 
-/// Parses a required integer from `min` to `max`, the field `name` of the object at `path`.
-pub(crate) fn parse_integer(
-    path: &str,
-    fields: &Map<String, Value>,
-    name: &str,
-    range: std::ops::RangeInclusive<i64>,
-) -> Result<i64, FieldError> {
-    let field = format!("{path}.{name}");
-    let wanted = format!("must be an integer from {} to {}", range.start(), range.end());
-    let Some(value) = fields.get(name) else {
-        return Err(FieldError::new(field, format!("is required; {wanted}")));
-    };
-    value
-        .as_i64()
-        .filter(|number| range.contains(number))
-        .ok_or_else(|| FieldError::new(field, format!("{wanted}, got {}", shorten(&value.to_string()))))
-}
-
 /// Parses the list of a design's parts with 1 to `max` entries. `parse` gets the path of an entry and its value.
 pub(crate) fn parse_list<T>(
     field: &str,

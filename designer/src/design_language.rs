@@ -124,7 +124,7 @@ pub struct DesignTable {
     pub aim: String,
     /// Column titles of the parts of the design, with units.
     pub header: Vec<&'static str>,
-    /// Parts of the design (encounters or deputies), one row each, in order.
+    /// Parts of the design (encounters, deputies, target fields, or the start if there is no field), one row each, in order.
     pub rows: Vec<Vec<String>>,
 }
 

@@ -69,7 +69,7 @@ pub struct DesignUsage {
     pub tokens_out: u64,
     /// Cost of the tokens, in the currency of the configured prices.
     pub cost: f64,
-    /// Time from the start to the last verdict.
+    /// Time from the start to the last verdict; 0 for designers other than a language model.
     pub latency: Duration,
 }
 

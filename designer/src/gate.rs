@@ -40,7 +40,8 @@ impl AdmittedLayout {
         self.kind
     }
 
-    /// Returns the distance of the nearest design in the archive; `None` if the archive was empty.
+    /// Returns the distance of the nearest design in the archive; `None` if the archive was empty, or the layout
+    /// has no design.
     #[must_use]
     pub const fn novelty(&self) -> Option<f64> {
         self.novelty
@@ -143,7 +144,8 @@ impl Gate {
         Ok(AdmittedLayout { scenario, bracket, kind, novelty: self.check_novelty(design)? })
     }
 
-    /// Checks a threat as [`check_threat`] does, and that acting blindly fails and that an agent can act in time.
+    /// Checks a threat: fair, solvable, contested, a danger to an agent that acts blindly, and visible in time to act. Returns its
+    /// bracket.
     fn judge_threat(&self, scenario: &Scenario) -> Result<Bracket, Refusal> {
         let words = self.language.refusal_words();
         let bracket = check_contested(scenario, words)?;
@@ -165,14 +167,6 @@ impl Gate {
             nearest => Ok(nearest.map(|(distance, _)| distance)),
         }
     }
-}
-
-/// Checks a scenario of a world without a design language as a threat: fair, solvable, contested. Returns its bracket.
-///
-/// # Errors
-/// Returns the first refusal, in that order.
-pub fn check_threat(scenario: &Scenario) -> Result<Bracket, Refusal> {
-    check_contested(scenario, &RefusalWords::ANY_WORLD)
 }
 
 fn check_contested(scenario: &Scenario, words: &'static RefusalWords) -> Result<Bracket, Refusal> {

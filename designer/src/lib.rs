@@ -12,10 +12,13 @@
 //!
 //! Storing layouts and scheduling designers is the server's work. Start reading at `designer` and [`gate`].
 
+mod angles;
+mod bound;
 pub mod brief;
 mod design_fields;
 mod design_language;
 mod designer;
+mod distance_parts;
 pub mod docking;
 mod field_error;
 #[doc(hidden)]
@@ -40,6 +43,7 @@ mod test_support;
 mod untrusted_text;
 mod world_language;
 
+pub use self::bound::Bound;
 pub use self::brief::DesignBrief;
 pub use self::design_language::{DesignLanguage, DesignTable, LayoutKind, LayoutView, PromptTexts};
 pub use self::designer::{DesignError, DesignFuture, DesignOutcome, DesignUsage, Designer, JudgedLayout};

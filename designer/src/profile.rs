@@ -28,7 +28,7 @@ pub struct ModeProfile {
     pub count: u64,
     /// Sum of the decayed weights of the failures.
     pub weight: f64,
-    /// Failures by bearing and relative speed, without empty cells.
+    /// Failures by sector and band of relative speed, without empty cells.
     #[serde(default)]
     pub cells: Vec<FailureCell>,
     /// The same failures by bearing in the inertial frame (sector 0 is centred on +X); empty in a world without this frame.
@@ -36,10 +36,11 @@ pub struct ModeProfile {
     pub inertial_sectors: Vec<SectorWeight>,
 }
 
-/// Failures of one mode in one bearing sector of the radial/in-track frame and one band of relative speed.
+/// Failures of one mode in one sector and one band of relative speed. A sector is one of bearings in the radial/in-track frame or,
+/// in tasking, of orbit angles.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct FailureCell {
-    /// Bearing sector; `None` for a failure without an encounter.
+    /// Number of the sector; `None` for a failure without a bearing and an orbit angle.
     pub sector: Option<u32>,
     /// Speed band; `None` for a failure without an encounter.
     pub band: Option<u32>,
@@ -66,7 +67,7 @@ pub struct SectorWeight {
     pub weight: f64,
 }
 
-/// Weight of each bearing sector.
+/// Weight of each sector.
 pub type SectorWeights = [f64; PROFILE_SECTORS as usize];
 
 /// Reason why a text is no usable failure profile.

@@ -1,8 +1,8 @@
 //! Draws from a failure profile that the samplers of all worlds share.
 
 use env_core::KeyedRng;
-use env_core::critique::PROFILE_SECTORS;
 
+use crate::angles::{draw_near_middle, sector_middle_deg};
 use crate::brief::DesignBrief;
 use crate::profile::SectorWeights;
 
@@ -38,13 +38,13 @@ pub(crate) fn sharpen(sectors: &SectorWeights) -> SectorWeights {
     sharpened
 }
 
-/// Samples the middle of a sector by its sharpened weight, in degrees; `None` if there are no known failures, and sometimes in
+/// Samples an angle near the middle of a sector by its sharpened weight, in whole degrees; `None` if there are no known failures, and sometimes in
 /// order to explore.
-pub(crate) fn sample_sector_deg(sectors: &SectorWeights, rng: &mut KeyedRng) -> Option<f64> {
+pub(crate) fn sample_sector_deg(sectors: &SectorWeights, rng: &mut KeyedRng) -> Option<u16> {
     let is_known = sectors.iter().sum::<f64>() > 0.0;
     if !is_known || rng.bernoulli(EXPLORATION) {
         return None;
     }
-    let sector = rng.weighted_index(&sharpen(sectors))?;
-    Some(sector as f64 * 360.0 / f64::from(PROFILE_SECTORS))
+    let sector = rng.weighted_index(&sharpen(sectors))? as u32;
+    Some(draw_near_middle(sector_middle_deg(sector), rng))
 }

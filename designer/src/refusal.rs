@@ -8,7 +8,7 @@ use env_core::bracket::MIN_GAP;
 use crate::FieldError;
 
 /// Minimum distance of a design from every design in the archive. In kessler, differences of 15° in bearing, 4 steps and 1 LU/TU
-/// in all encounters are a distance of 0.05.
+/// in all encounters are a distance of 0.06.
 pub const MIN_NOVELTY: f64 = 0.05;
 
 /// Words of one world in the refusals of its layouts.
@@ -24,17 +24,6 @@ pub struct RefusalWords {
     pub contested_fix: &'static str,
     /// How to fix a design that is too similar to another one.
     pub new_fix: &'static str,
-}
-
-impl RefusalWords {
-    /// Words for a world without a design language.
-    pub const ANY_WORLD: Self = Self {
-        agents: "agents",
-        harmless: "no agent is lost if no agent acts; choose a harder start",
-        solvable_fix: "choose an easier start",
-        contested_fix: "choose a harder start",
-        new_fix: "change the bodies",
-    };
 }
 
 /// Check of the gate. The order is the order in which the gate applies them.

@@ -17,6 +17,11 @@ pub(crate) fn integer(min: impl Into<i64>, max: impl Into<i64>) -> Value {
     json!({"type": "integer", "minimum": min.into(), "maximum": max.into()})
 }
 
+/// Returns the schema of an integer within bounds, or null.
+pub(crate) fn optional_integer(min: impl Into<i64>, max: impl Into<i64>) -> Value {
+    json!({"anyOf": [integer(min, max), {"type": "null"}]})
+}
+
 /// Returns the schema of one of some strings.
 pub(crate) fn string_of<'a>(choices: impl IntoIterator<Item = &'a str>) -> Value {
     json!({"type": "string", "enum": choices.into_iter().collect::<Vec<_>>()})

@@ -8,7 +8,9 @@ use env_core::{KeyedRng, Scenario, SuccessRule};
 use crate::brief::{LayoutOutcome, PastLayout};
 use crate::procedural::ProceduralDesigner;
 use crate::profile::{FailureCell, ModeProfile};
-use crate::{AdmittedLayout, DesignBrief, DesignLanguage, FailureProfile, Gate, MIN_NOVELTY};
+use crate::{
+    AdmittedLayout, DesignBrief, DesignLanguage, FailureProfile, Gate, MIN_NOVELTY, design_language,
+};
 
 /// Asserts that a page has a table with these rows after the comment `<!-- mark -->`.
 pub(crate) fn assert_documented(page: &str, mark: &str, rows: &str) {
@@ -18,6 +20,13 @@ pub(crate) fn assert_documented(page: &str, mark: &str, rows: &str) {
     let (_titles, _dashes) = (lines.next(), lines.next());
     let body: Vec<&str> = lines.collect();
     assert_eq!(body.join("\n").trim(), rows.trim(), "{mark}: replace the rows by:\n{rows}");
+}
+
+/// Messages of a prompt that asks for layouts, as one text.
+pub(crate) fn prompt_text(brief: &DesignBrief, count: usize) -> String {
+    let language = design_language(brief.recipe.task()).unwrap();
+    let messages = crate::llm_designer::prompt::opening(brief, language, count);
+    messages.iter().map(|message| format!("=== {:?}\n{}\n", message.role, message.content)).collect()
 }
 
 /// A profile with failures of one mode only, from one sector and band.

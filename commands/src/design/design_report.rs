@@ -42,13 +42,6 @@ pub(super) struct GateReport {
     pub(super) novelty: Option<f64>,
 }
 
-impl GateReport {
-    /// Creates the report of a threat without a design.
-    pub(super) const fn threat(bracket: Bracket) -> Self {
-        Self { bracket, kind: LayoutKind::Threat, novelty: None }
-    }
-}
-
 /// Admitted layout with its gate report and scenario.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct AdmittedLayout<'a> {

@@ -7,14 +7,12 @@ use clap::ValueEnum;
 use designer::llm_designer::{LlmDesigner, prompt};
 use designer::procedural::ProceduralDesigner;
 use designer::replay::{ReplayDesigner, StoredLayout};
-use designer::{
-    DesignBrief, DesignLanguage, DesignUsage, Designer, Gate, JudgedLayout, design_language, gate,
-};
+use designer::{DesignBrief, DesignLanguage, DesignUsage, Designer, Gate, JudgedLayout, design_language};
 use llm::LlmClient;
 use serde_json::Value;
 
 use super::Args;
-use super::design_report::{DesignReport, GateReport, LayoutResult};
+use super::design_report::{DesignReport, LayoutResult};
 use clock::Clock;
 
 /// Designer selected by `--designer`.
@@ -59,46 +57,29 @@ pub(super) fn model_request(brief: &DesignBrief, language: &dyn DesignLanguage) 
     ModelRequest { prompt: words.join("\n"), schema: language.schema(brief) }
 }
 
-/// Passes the layouts of a file through the gate. Layouts with a design are judged by their world's design language, all
-/// others as threats.
+/// Passes the layouts of a file through the gates of their worlds. A layout without a design is judged as a threat.
 ///
 /// # Errors
-/// Returns an error if the file cannot be read or holds no layouts.
+/// Returns an error if the file cannot be read or holds no layouts, and for a layout of a world without a design language.
 pub(super) fn judge_file(args: &Args) -> anyhow::Result<DesignReport> {
     let Some(path) = &args.layouts else { bail!("the designer replay needs --layouts FILE") };
     let mut replay = ReplayDesigner::new(path.clone());
     let drafts = replay.next_layouts(args.task.as_deref(), args.n as usize).context("--layouts")?;
     let started = std::time::Instant::now();
-    let mut gates: BTreeMap<&'static str, Option<Gate>> = BTreeMap::new();
-    let rows = drafts.into_iter().map(|StoredLayout { name, scenario }| {
+    let mut gates: BTreeMap<&'static str, Gate> = BTreeMap::new();
+    let mut rows = Vec::with_capacity(drafts.len());
+    for StoredLayout { name, scenario } in drafts {
         let task = scenario.task();
-        let of_task = gates
-            .entry(task.id())
-            .or_insert_with(|| design_language(task).map(|known| Gate::new(known, Vec::new())));
+        let language = design_language(task).with_context(|| {
+            format!("no layout of {} can be judged: its world has no design language", task.id())
+        })?;
+        let gate = gates.entry(task.id()).or_insert_with(|| Gate::new(language, Vec::new()));
         let design = scenario.recipe().layout().and_then(|layout| layout.provenance.clone());
-        match of_task {
-            Some(of_task) => {
-                let verdict = of_task.judge_scenario(&scenario);
-                let row =
-                    LayoutResult::new("replay", task.id(), JudgedLayout { name, design, round: 1, verdict });
-                LayoutResult { scenario: Some(scenario), ..row }
-            }
-            None => {
-                let verdict = gate::check_threat(&scenario).map(GateReport::threat);
-                let scenario = Some(scenario);
-                LayoutResult {
-                    name,
-                    designer: "replay",
-                    task: task.id(),
-                    round: 1,
-                    design: None,
-                    scenario,
-                    verdict,
-                }
-            }
-        }
-    });
-    let rows = rows.collect();
+        let verdict = gate.judge_scenario(&scenario);
+        let judged = JudgedLayout { name, design, round: 1, verdict };
+        let row = LayoutResult::new("replay", task.id(), judged);
+        rows.push(LayoutResult { scenario: Some(scenario), ..row });
+    }
     let usage = DesignUsage { rounds: 1, ..DesignUsage::default() };
     let left = match replay.remaining() {
         0 => None,

@@ -9,7 +9,8 @@ use env_core::docking::setup::DockingSetup;
 
 use super::approach::{StartApproach, nearest_pass, separation_on_arrival, step_out_of_bounds};
 use super::design::{DeputyStart, DockingDesign};
-use super::vocabulary::{BEARING, angle_between, wrap_degrees};
+use super::vocabulary::BEARING;
+use crate::angles::{angle_between, whole_degrees};
 use crate::brief::DesignBrief;
 use crate::field_error::FieldError;
 
@@ -249,7 +250,7 @@ pub(super) fn check_aim(design: &DockingDesign, setup: &DockingSetup) -> Result<
             format!(
                 "must be within {AIM_TOLERANCE_DEG} degrees of what a needed deputy is to meet, got {aimed_deg}; the nearest one \
                  is at {}",
-                wrap_degrees(nearest)
+                whole_degrees(nearest)
             ),
         )),
         _ => Ok(()),

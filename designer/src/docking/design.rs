@@ -12,7 +12,7 @@ use super::vocabulary::{AZIMUTH, BEARING, CLOSING, CROSS, CROSS_DIRECTION, DISTA
 use crate::design_fields::{parse_list, parse_mode, parse_name, parse_object, parse_params, reject_unknown};
 use crate::field_error::FieldError;
 
-/// Start of a deputy. Numbers are as in JSON; [`DeputyBound::value`](super::vocabulary::Bound::value) converts them to quantities.
+/// Start of a deputy. Numbers are as in JSON; [`Bound::value`](crate::Bound::value) converts them to quantities.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct DeputyStart {
     /// Distance from the chief, see [`DISTANCE`].
@@ -139,15 +139,10 @@ impl DockingDesign {
         reject_unknown("design", fields, &["name", "aim", "params", "deputies"])?;
         let aim = parse_object("aim", fields.get("aim").unwrap_or(&Value::Null))?;
         reject_unknown("aim", aim, &["mode", BEARING.name])?;
-        let mode = parse_mode(aim)?;
-        let bearing_deg = match aim.get(BEARING.name) {
-            None | Some(Value::Null) => None,
-            Some(_) => Some(BEARING.parse("aim", aim)?),
-        };
         let deputies = fields.get("deputies");
         Ok(Self {
             name: parse_name(fields),
-            aim: DockingAim { mode, bearing_deg },
+            aim: DockingAim { mode: parse_mode(aim)?, bearing_deg: BEARING.parse_optional("aim", aim)? },
             params: parse_params(fields.get("params"))?,
             deputies: parse_list("deputies", "deputies", deputies, MAX_DEPUTIES, DeputyStart::parse)?,
         })

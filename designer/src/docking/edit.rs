@@ -5,17 +5,17 @@ use env_core::{KeyedRng, Scenario};
 use super::aim::DeputyCounts;
 use super::checks::is_playable;
 use super::design::{DeputyStart, DockingDesign};
-use super::vocabulary::{
-    AZIMUTH, CLOSING, CROSS, CROSS_DIRECTION, DISTANCE, DeputyBound, ELEVATION, effective_choices,
-    wrap_degrees,
-};
+use super::vocabulary::{AZIMUTH, CLOSING, CROSS, CROSS_DIRECTION, DISTANCE, ELEVATION, effective_choices};
+use crate::angles::whole_degrees;
+use crate::bound::draw_change;
 use crate::brief::DesignBrief;
+use crate::mutation::set_random_param;
 
 /// Maximum number of attempts to edit a design.
 const MAX_ATTEMPTS: u32 = 12;
 
-/// Edit of a design. Returns false if it does not apply.
-type StartEdit = fn(&mut DockingDesign, &DesignBrief, &mut KeyedRng) -> bool;
+/// Edit of a design. It changes nothing if it does not apply.
+type StartEdit = fn(&mut DockingDesign, &DesignBrief, &mut KeyedRng);
 
 /// Edits of a design, each as likely as the others.
 const EDITS: [StartEdit; 8] = [
@@ -55,88 +55,67 @@ fn pick<'a>(design: &'a mut DockingDesign, rng: &mut KeyedRng) -> Option<&'a mut
     design.deputies.get_mut(rng.below(count) as usize)
 }
 
-/// Returns a change of up to `max` either way.
-fn change(max: u32, rng: &mut KeyedRng) -> i32 {
-    rng.range_inclusive(0, 2 * max).cast_signed() - max.cast_signed()
-}
-
-/// Changes a number by up to `max` either way, within its bounds.
-fn jitter(number: i32, max: u32, bound: DeputyBound, rng: &mut KeyedRng) -> i32 {
-    (number + change(max, rng)).clamp(bound.min, bound.max)
-}
-
-/// Turns an azimuth by an angle in degrees.
-fn turn(azimuth_deg: i32, angle_deg: i32) -> i32 {
-    wrap_degrees(AZIMUTH.value(azimuth_deg + angle_deg))
-}
-
 /// Turns all deputies and the aim around the chief by up to 20 degrees.
-fn turn_all(design: &mut DockingDesign, _: &DesignBrief, rng: &mut KeyedRng) -> bool {
-    let angle = change(20, rng);
-    design.aim.bearing_deg = design.aim.bearing_deg.map(|bearing| turn(bearing, angle));
-    design.deputies.iter_mut().for_each(|deputy| deputy.azimuth_deg = turn(deputy.azimuth_deg, angle));
-    true
+fn turn_all(design: &mut DockingDesign, _: &DesignBrief, rng: &mut KeyedRng) {
+    let angle = draw_change(20, rng) as f64;
+    let turn = |azimuth_deg: i32| i32::from(whole_degrees(f64::from(azimuth_deg) + angle));
+    design.aim.bearing_deg = design.aim.bearing_deg.map(turn);
+    design.deputies.iter_mut().for_each(|deputy| deputy.azimuth_deg = turn(deputy.azimuth_deg));
 }
 
 /// Turns one deputy by up to 15 degrees.
-fn turn_one(design: &mut DockingDesign, _: &DesignBrief, rng: &mut KeyedRng) -> bool {
-    let Some(deputy) = pick(design, rng) else { return false };
-    deputy.azimuth_deg = turn(deputy.azimuth_deg, change(15, rng));
-    deputy.elevation_deg = jitter(deputy.elevation_deg, 15, ELEVATION, rng);
-    true
+fn turn_one(design: &mut DockingDesign, _: &DesignBrief, rng: &mut KeyedRng) {
+    if let Some(deputy) = pick(design, rng) {
+        deputy.azimuth_deg = AZIMUTH.turn(deputy.azimuth_deg, 15, rng);
+        deputy.elevation_deg = ELEVATION.jitter(deputy.elevation_deg, 15, rng);
+    }
 }
 
 /// Moves one deputy nearer or farther by up to a fifth.
-fn change_distance(design: &mut DockingDesign, _: &DesignBrief, rng: &mut KeyedRng) -> bool {
-    let Some(deputy) = pick(design, rng) else { return false };
-    let ratio = 1.0 + 0.01 * f64::from(change(20, rng));
-    deputy.distance = DISTANCE.nearest(DISTANCE.value(deputy.distance) * ratio);
-    true
+fn change_distance(design: &mut DockingDesign, _: &DesignBrief, rng: &mut KeyedRng) {
+    if let Some(deputy) = pick(design, rng) {
+        let ratio = 1.0 + 0.01 * draw_change(20, rng) as f64;
+        deputy.distance = DISTANCE.nearest(DISTANCE.value(deputy.distance) * ratio);
+    }
 }
 
 /// Makes one deputy faster or slower towards the chief.
-fn change_closing_speed(design: &mut DockingDesign, _: &DesignBrief, rng: &mut KeyedRng) -> bool {
-    let Some(deputy) = pick(design, rng) else { return false };
-    deputy.closing_speed = jitter(deputy.closing_speed, 30, CLOSING, rng);
-    true
+fn change_closing_speed(design: &mut DockingDesign, _: &DesignBrief, rng: &mut KeyedRng) {
+    if let Some(deputy) = pick(design, rng) {
+        deputy.closing_speed = CLOSING.jitter(deputy.closing_speed, 30, rng);
+    }
 }
 
 /// Changes the speed of one deputy across its line to the chief.
-fn change_cross_speed(design: &mut DockingDesign, _: &DesignBrief, rng: &mut KeyedRng) -> bool {
-    let Some(deputy) = pick(design, rng) else { return false };
-    deputy.cross_speed = jitter(deputy.cross_speed, 30, CROSS, rng);
-    deputy.cross_deg = wrap_degrees(CROSS_DIRECTION.value(deputy.cross_deg + change(40, rng)));
-    true
+fn change_cross_speed(design: &mut DockingDesign, _: &DesignBrief, rng: &mut KeyedRng) {
+    if let Some(deputy) = pick(design, rng) {
+        deputy.cross_speed = CROSS.jitter(deputy.cross_speed, 30, rng);
+        deputy.cross_deg = CROSS_DIRECTION.turn(deputy.cross_deg, 40, rng);
+    }
 }
 
 /// Adds a copy of a deputy beside it, if the brief allows one more.
-fn add_deputy(design: &mut DockingDesign, brief: &DesignBrief, rng: &mut KeyedRng) -> bool {
+fn add_deputy(design: &mut DockingDesign, brief: &DesignBrief, rng: &mut KeyedRng) {
     if !DeputyCounts::of(brief).contains(design.deputies.len() + 1) {
-        return false;
+        return;
     }
-    let Some(mut copy) = pick(design, rng).map(|deputy| *deputy) else { return false };
-    copy.azimuth_deg = turn(copy.azimuth_deg, 20 + rng.below(320).cast_signed());
-    copy.distance = jitter(copy.distance, 50, DISTANCE, rng);
-    design.deputies.push(copy);
-    true
+    if let Some(mut copy) = pick(design, rng).map(|deputy| *deputy) {
+        let angle = 20 + rng.below(320).cast_signed();
+        copy.azimuth_deg = whole_degrees(f64::from(copy.azimuth_deg + angle)).into();
+        copy.distance = DISTANCE.jitter(copy.distance, 50, rng);
+        design.deputies.push(copy);
+    }
 }
 
 /// Removes a deputy, if the brief allows one fewer.
-fn remove_deputy(design: &mut DockingDesign, brief: &DesignBrief, rng: &mut KeyedRng) -> bool {
+fn remove_deputy(design: &mut DockingDesign, brief: &DesignBrief, rng: &mut KeyedRng) {
     let count = design.deputies.len();
-    let can_remove = count > 1 && DeputyCounts::of(brief).contains(count - 1);
-    if can_remove {
+    if count > 1 && DeputyCounts::of(brief).contains(count - 1) {
         design.deputies.remove(rng.below(count as u32) as usize);
     }
-    can_remove
 }
 
 /// Sets time limit or thrust bound to one of its choices.
-fn change_param(design: &mut DockingDesign, brief: &DesignBrief, rng: &mut KeyedRng) -> bool {
-    let choices = effective_choices(brief);
-    let Some(count) = u32::try_from(choices.len()).ok().filter(|count| *count > 0) else { return false };
-    let choice = choices[rng.below(count) as usize];
-    let value = choice.values[rng.below(choice.values.len() as u32) as usize];
-    design.params.insert(choice.param.clone(), value);
-    true
+fn change_param(design: &mut DockingDesign, brief: &DesignBrief, rng: &mut KeyedRng) {
+    set_random_param(&mut design.params, &effective_choices(brief), rng);
 }

@@ -3,7 +3,8 @@
 use env_core::KeyedRng;
 
 use super::design::DeputyStart;
-use super::vocabulary::{AZIMUTH, DISTANCE, ELEVATION, wrap_degrees};
+use super::vocabulary::{DISTANCE, ELEVATION};
+use crate::angles::whole_degrees;
 
 /// Geometry of the deputies of a layout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,7 +48,7 @@ impl Formation {
         match self {
             Self::Scattered => scatter(deputy, rng),
             Self::Abreast { step_deg } => DeputyStart {
-                azimuth_deg: wrap_degrees(AZIMUTH.value(azimuth_deg + number * step_deg)),
+                azimuth_deg: whole_degrees(f64::from(azimuth_deg + number * step_deg)).into(),
                 elevation_deg,
                 distance: first.distance,
                 ..deputy
@@ -67,7 +68,7 @@ impl Formation {
                 let turned = azimuth_deg + 180 * number + 90 * (number / 2);
                 let sign = if number % 2 == 0 { 1 } else { -1 };
                 DeputyStart {
-                    azimuth_deg: wrap_degrees(AZIMUTH.value(turned)),
+                    azimuth_deg: whole_degrees(f64::from(turned)).into(),
                     elevation_deg: sign * elevation_deg,
                     ..deputy
                 }
@@ -76,9 +77,10 @@ impl Formation {
     }
 }
 
-/// Moves a deputy to a random direction. Directions within 60° of the plane of the orbit are as likely as the task draws them.
+/// Moves a deputy to a random direction. Azimuth and elevation are uniform, as in the starts of the task, but elevations have at
+/// most 60°.
 pub(super) fn scatter(deputy: DeputyStart, rng: &mut KeyedRng) -> DeputyStart {
-    let azimuth_deg = wrap_degrees(f64::from(rng.below(360)));
+    let azimuth_deg = rng.below(360).cast_signed();
     let elevation_deg = ELEVATION.nearest(f64::from(rng.range_inclusive(0, 120)) - 60.0);
     DeputyStart { azimuth_deg, elevation_deg, ..deputy }
 }

@@ -11,7 +11,7 @@ use env_core::{KeyedRng, Layout, Recipe, Scenario};
 
 use super::vocabulary::effective_choices;
 use crate::brief::DesignBrief;
-use crate::mutation::{Mutation, adjacent_value};
+use crate::mutation::{Mutation, adjacent_value, pick_choice};
 
 /// Maximum number of attempts to mutate a scenario.
 const MAX_ATTEMPTS: u32 = 12;
@@ -100,8 +100,7 @@ fn change_param(
     rng: &mut KeyedRng,
 ) -> Option<()> {
     let choices = effective_choices(brief);
-    let count = u32::try_from(choices.len()).ok().filter(|count| *count > 0)?;
-    let choice = choices[rng.below(count) as usize];
+    let choice = pick_choice(&choices, rng)?;
     let value = adjacent_value(recipe, choice, rng)?;
     *recipe = recipe.clone().with_param(&choice.param, value).ok()?;
     Some(())

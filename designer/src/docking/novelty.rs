@@ -4,6 +4,7 @@ use env_core::docking::relative_motion::{RelativeState, distance, relative_speed
 
 use super::design::{DeputyStart, DockingDesign};
 use super::vocabulary::DISTANCE;
+use crate::distance_parts::{mean_nearest, param_distance, root_mean_square};
 
 /// Ratio of two distances at which deputies are unrelated.
 const UNRELATED_RATIO: f64 = 8.0;
@@ -11,27 +12,15 @@ const UNRELATED_RATIO: f64 = 8.0;
 const UNRELATED_ANGLE_DEG: f64 = 120.0;
 /// Difference of two velocities, divided by the mean speed limit, at which deputies are unrelated.
 const UNRELATED_SPEEDS: f64 = 2.0;
-/// Distance that each differing param adds: another time limit is another situation, but nearly the same layout.
-const PARAM_DISTANCE: f64 = 0.03;
 /// Distance that another failure mode adds.
 const MODE_DISTANCE: f64 = 0.1;
 
 /// Returns the distance of two designs: the mean, over all deputies of both, of the distance to the nearest deputy of the other
 /// design. It is 0 for equal deputies; 1 is about the distance of deputies that share nothing.
 pub(super) fn design_distance(a: &DockingDesign, b: &DockingDesign) -> f64 {
-    if a.deputies.is_empty() || b.deputies.is_empty() {
-        return 1.0;
-    }
-    let nearest = |of: &DeputyStart, among: &DockingDesign| {
-        among.deputies.iter().map(|other| deputy_distance(of, other)).fold(f64::MAX, f64::min)
-    };
-    let all = a.deputies.iter().map(|deputy| nearest(deputy, b));
-    let all = all.chain(b.deputies.iter().map(|deputy| nearest(deputy, a)));
-    let count = a.deputies.len() + b.deputies.len();
-    let changed_params = a.params.iter().filter(|(name, value)| b.params.get(*name) != Some(value)).count()
-        + b.params.keys().filter(|name| !a.params.contains_key(*name)).count();
+    let deputies = mean_nearest(&a.deputies, &b.deputies, deputy_distance);
     let mode = if a.aim.mode == b.aim.mode { 0.0 } else { MODE_DISTANCE };
-    (all.sum::<f64>() / count as f64 + PARAM_DISTANCE * changed_params as f64 + mode).min(1.0)
+    (deputies + param_distance(&a.params, &b.params) + mode).min(1.0)
 }
 
 /// Returns the root mean square of the differences of two deputies in distance, direction and velocity. Velocities are compared
@@ -49,6 +38,5 @@ fn deputy_distance(a: &DeputyStart, b: &DeputyStart) -> f64 {
         a.direction_angle_deg(b) / UNRELATED_ANGLE_DEG,
         relative_speed(&scaled(a), &scaled(&turned)) / UNRELATED_SPEEDS,
     ];
-    let sum_of_squares: f64 = differences.iter().map(|part| part.min(1.0) * part.min(1.0)).sum();
-    (sum_of_squares / differences.len() as f64).sqrt()
+    root_mean_square(&differences.map(|part| part.min(1.0)))
 }

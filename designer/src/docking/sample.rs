@@ -12,7 +12,8 @@ use super::approach::{distance_at_limit, excess_for_penalty, step_out_of_bounds}
 use super::checks::is_playable;
 use super::design::{DeputyStart, DockingAim, DockingDesign};
 use super::formation::{Formation, scatter};
-use super::vocabulary::{AZIMUTH, BEARING, CLOSING, CROSS, DISTANCE, effective_choices, wrap_degrees};
+use super::vocabulary::{BEARING, CLOSING, CROSS, DISTANCE, effective_choices};
+use crate::angles::whole_degrees;
 use crate::brief::DesignBrief;
 use crate::profile::ModeProfile;
 use crate::profile_sampling::{EXPLORATION, sample_mode, sample_sector_deg};
@@ -21,8 +22,6 @@ use crate::profile_sampling::{EXPLORATION, sample_mode, sample_sector_deg};
 const MAX_ATTEMPTS: u32 = 24;
 /// Chance that another deputy repeats the aimed failure.
 const REPEAT_CHANCE: f64 = 0.5;
-/// Largest change of an azimuth from the middle of its sector, in degrees.
-const SECTOR_JITTER_DEG: u32 = 10;
 /// Share of the time limit that an ordinary deputy needs at most.
 const ORDINARY_TIME_SHARE: f64 = 0.7;
 
@@ -90,7 +89,7 @@ impl<'a> Sampler<'a> {
                 Some(Meeting::Behind) => 0.0,
                 Some(Meeting::Beside | Meeting::Crossing) => 105.0,
             };
-            first.azimuth_deg = wrap_degrees(BEARING.value(bearing) - turn);
+            first.azimuth_deg = whole_degrees(BEARING.value(bearing) - turn).into();
             // The bearings of a failure profile lie in the plane of the orbit.
             first.elevation_deg /= 2;
         }
@@ -110,9 +109,7 @@ impl<'a> Sampler<'a> {
     fn sample_bearing_deg(&self, rng: &mut KeyedRng) -> Option<i32> {
         let empty = ModeProfile::default();
         let profile = self.brief.profile.mode(self.mode).unwrap_or(&empty);
-        let bearing = sample_sector_deg(&profile.sector_weights(), rng)?;
-        let jitter = f64::from(rng.range_inclusive(0, 2 * SECTOR_JITTER_DEG)) - f64::from(SECTOR_JITTER_DEG);
-        Some(wrap_degrees(bearing + jitter))
+        sample_sector_deg(&profile.sector_weights(), rng).map(i32::from)
     }
 
     /// Samples a deputy for the aimed failure, in any direction.
@@ -224,7 +221,7 @@ impl Meeting {
     fn second_deputy(self, first: &mut DeputyStart, rng: &mut KeyedRng) -> DeputyStart {
         let angle = 12 + rng.below(36).cast_signed();
         let beside = |first: &DeputyStart| DeputyStart {
-            azimuth_deg: wrap_degrees(AZIMUTH.value(first.azimuth_deg + angle)),
+            azimuth_deg: whole_degrees(f64::from(first.azimuth_deg + angle)).into(),
             ..*first
         };
         match self {
@@ -254,7 +251,7 @@ fn deputy(distance: f64, closing_percent: f64, cross_percent: f64, rng: &mut Key
         elevation_deg: 0,
         closing_speed: CLOSING.nearest(closing_percent),
         cross_speed: CROSS.nearest(cross_percent),
-        cross_deg: wrap_degrees(f64::from(rng.below(360))),
+        cross_deg: rng.below(360).cast_signed(),
     }
 }
 

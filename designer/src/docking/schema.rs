@@ -16,7 +16,7 @@ use super::approach::time_at_limit;
 use super::vocabulary::{BEARING, NUMBERS, effective_choices};
 use crate::brief::DesignBrief;
 use crate::design_fields::MAX_NAME_CHARS;
-use crate::schema_forms::{integer, object, params, string_of};
+use crate::schema_forms::{integer, object, optional_integer, params, string_of};
 
 /// Distances of the table of speed limits and times in the rules, m.
 const TABLE_DISTANCES_M: [f64; 7] = [10.0, 30.0, 60.0, 100.0, 150.0, 300.0, 1000.0];
@@ -32,8 +32,8 @@ const FORMULAS: &str = "\n\nFormulas, with the closing speed c, the speed v, the
 /// out.
 pub(super) fn design_schema(brief: &DesignBrief) -> Value {
     let modes = allowed_aims(brief).map(|aim| aim.mode);
-    let bearing = integer(BEARING.min, BEARING.max);
-    let aim = [("mode", string_of(modes)), (BEARING.name, json!({"anyOf": [bearing, {"type": "null"}]}))];
+    let bearing = optional_integer(BEARING.min, BEARING.max);
+    let aim = [("mode", string_of(modes)), (BEARING.name, bearing)];
     let mut fields = vec![("aim", object(&aim))];
     fields.extend(params(&effective_choices(brief)).map(|params| ("params", params)));
     let counts = DeputyCounts::of(brief);

@@ -10,7 +10,7 @@ use env_core::kessler::telemetry::{KesslerTelemetry, SatelliteTelemetry};
 use env_core::policy::{Policy, PolicyError};
 use env_core::{ActionLog, Scenario};
 
-use super::placement::angle_between;
+use crate::angles::angle_between;
 
 /// Weakness of a scripted agent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -78,7 +78,7 @@ impl Policy for BlinkeredAgent {
             let mut restricted = telemetry.clone();
             restricted.radar_debris.retain(|debris| {
                 let bearing = self.frame.bearing_deg(&satellite.body(), [debris.x, debris.y]);
-                angle_between(self.centre_deg, bearing).abs() > self.half_width_deg
+                angle_between(self.centre_deg, bearing) > self.half_width_deg
             });
             let mut own_log = ActionLog::new(2, log.precision());
             self.policy.act(&restricted, &mut own_log)?;

@@ -3,8 +3,9 @@
 use env_core::critique::FailureModeSpec;
 
 use super::design::{Design, Encounter};
-use super::placement::{PlacedBody, angle_between};
+use super::placement::PlacedBody;
 use super::vocabulary::EncounterKind;
+use crate::angles::angle_between;
 use crate::brief::DesignBrief;
 use crate::field_error::FieldError;
 
@@ -103,7 +104,7 @@ pub(super) fn check_aim(design: &Design, placed: &[PlacedBody]) -> Result<(), Fi
         return Err(FieldError::new("aim", message));
     }
     let Some(aimed) = design.aim.bearing_deg else { return Ok(()) };
-    let distance = |bearing: f64| angle_between(f64::from(aimed), bearing).abs();
+    let distance = |bearing: f64| angle_between(f64::from(aimed), bearing);
     let bearings = counting.iter().map(|(_, placed)| placed.bearing_deg);
     match bearings.min_by(|a, b| distance(*a).total_cmp(&distance(*b))) {
         Some(nearest) if distance(nearest) > AIM_TOLERANCE_DEG => Err(FieldError::new(

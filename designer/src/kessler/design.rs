@@ -15,7 +15,7 @@ use crate::design_fields::{
 };
 use crate::field_error::FieldError;
 
-/// Encounter of a satellite with debris. Numbers are as in JSON; [`Bound::value`] converts them to quantities.
+/// Encounter of a satellite with debris. Numbers are as in JSON; [`Bound::value`](crate::Bound::value) converts them to quantities.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Encounter {
     /// Index of the satellite, see [`SATELLITE`].
@@ -160,11 +160,6 @@ impl Design {
         reject_unknown("design", fields, &["name", "aim", "frame", "params", "encounters"])?;
         let aim = parse_object("aim", fields.get("aim").unwrap_or(&Value::Null))?;
         reject_unknown("aim", aim, &["mode", "bearing_deg"])?;
-        let mode = parse_mode(aim)?;
-        let bearing_deg = match aim.get("bearing_deg") {
-            None | Some(Value::Null) => None,
-            Some(_) => Some(BEARING.parse("aim", aim)?),
-        };
         let frame = match fields.get("frame") {
             None => FRAMES[0].frame,
             name => FRAMES[parse_choice("frame", name, &FRAMES.map(|spec| spec.name))?].frame,
@@ -172,7 +167,7 @@ impl Design {
         let encounters = fields.get("encounters");
         Ok(Self {
             name: parse_name(fields),
-            aim: Aim { mode, bearing_deg },
+            aim: Aim { mode: parse_mode(aim)?, bearing_deg: BEARING.parse_optional("aim", aim)? },
             frame,
             params: parse_params(fields.get("params"))?,
             encounters: parse_list("encounters", "encounters", encounters, MAX_ENCOUNTERS, Encounter::parse)?,

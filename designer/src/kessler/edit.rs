@@ -6,8 +6,11 @@ use super::aim::allows_rogues;
 use super::coast::CoastPaths;
 use super::design::{Design, Encounter};
 use super::placement::can_place;
-use super::vocabulary::{Bound, KindSpec, MAX_ENCOUNTERS, SATELLITE, SPEED, STEP, rotate_bearing};
+use super::vocabulary::{KindSpec, MAX_ENCOUNTERS, SATELLITE, SPEED, STEP};
+use crate::angles::whole_degrees;
+use crate::bound::draw_change;
 use crate::brief::DesignBrief;
+use crate::mutation::set_random_param;
 
 /// Maximum number of attempts to edit a design.
 const MAX_ATTEMPTS: u32 = 12;
@@ -67,16 +70,10 @@ pub(super) fn pick<'a>(design: &'a mut Design, rng: &mut KeyedRng) -> Option<&'a
     design.encounters.get_mut(rng.range_inclusive(0, last) as usize)
 }
 
-/// Changes a number by up to `max_change` either way, within its bounds.
-fn jitter(number: u32, max_change: u32, bound: Bound, rng: &mut KeyedRng) -> u32 {
-    let raised = number + rng.range_inclusive(0, 2 * max_change);
-    raised.saturating_sub(max_change).clamp(bound.min, bound.max)
-}
-
 /// Rotates the bearings of all encounters and of the aim by up to 12 degrees.
 fn rotate_all(design: &mut Design, _: &DesignBrief, rng: &mut KeyedRng) -> bool {
-    let rotation_deg = f64::from(rng.range_inclusive(0, 24)) - 12.0;
-    let rotate = |bearing: u32| rotate_bearing(f64::from(bearing), rotation_deg);
+    let rotation_deg = draw_change(12, rng) as f64;
+    let rotate = |bearing: u32| u32::from(whole_degrees(f64::from(bearing) + rotation_deg));
     design.aim.bearing_deg = design.aim.bearing_deg.map(rotate);
     design.encounters.iter_mut().for_each(|e| e.bearing_deg = rotate(e.bearing_deg));
     true
@@ -84,21 +81,21 @@ fn rotate_all(design: &mut Design, _: &DesignBrief, rng: &mut KeyedRng) -> bool 
 
 /// Shifts one encounter by up to 4 steps.
 pub(super) fn shift_one(design: &mut Design, _: &DesignBrief, rng: &mut KeyedRng) -> bool {
-    pick(design, rng).map(|e| e.step = jitter(e.step, 4, STEP, rng)).is_some()
+    pick(design, rng).map(|e| e.step = STEP.jitter(e.step, 4, rng)).is_some()
 }
 
 /// Shifts all encounters by the same number of steps, up to 6.
 pub(super) fn shift_all(design: &mut Design, _: &DesignBrief, rng: &mut KeyedRng) -> bool {
-    let raise = rng.range_inclusive(0, 12);
+    let change = draw_change(6, rng);
     for encounter in &mut design.encounters {
-        encounter.step = (encounter.step + raise).saturating_sub(6).clamp(STEP.min, STEP.max);
+        encounter.step = STEP.clamp(i64::from(encounter.step) + change);
     }
     true
 }
 
 /// Changes the relative speed of one encounter by up to 1 LU/TU.
 pub(super) fn change_speed(design: &mut Design, _: &DesignBrief, rng: &mut KeyedRng) -> bool {
-    pick(design, rng).map(|e| e.relative_speed = jitter(e.relative_speed, 10, SPEED, rng)).is_some()
+    pick(design, rng).map(|e| e.relative_speed = SPEED.jitter(e.relative_speed, 10, rng)).is_some()
 }
 
 /// Changes the miss distance of one encounter, within the bounds of its kind.
@@ -121,7 +118,7 @@ pub(super) fn duplicate_within(design: &mut Design, max_encounters: usize, rng: 
     let Some(mut copy) = picked.filter(|_| design.encounters.len() < max_encounters) else {
         return false;
     };
-    copy.step = jitter(copy.step, 12, STEP, rng);
+    copy.step = STEP.jitter(copy.step, 12, rng);
     copy.satellite = rng.range_inclusive(SATELLITE.min, SATELLITE.max);
     design.encounters.push(copy);
     true
@@ -150,11 +147,6 @@ fn change_param(design: &mut Design, brief: &DesignBrief, rng: &mut KeyedRng) ->
         .filter(|choice| choice.param != "debris")
         .filter(|choice| choice.param != "rogue_probability" || allows_rogues(brief))
         .collect();
-    let Some(last) = u32::try_from(choices.len()).ok().and_then(|count| count.checked_sub(1)) else {
-        return false;
-    };
-    let choice = choices[rng.range_inclusive(0, last) as usize];
-    let value = choice.values[rng.range_inclusive(0, choice.values.len() as u32 - 1) as usize];
-    design.params.insert(choice.param.clone(), value);
-    true
+    set_random_param(&mut design.params, &choices, rng);
+    !choices.is_empty()
 }

@@ -18,9 +18,11 @@ use super::design::{Aim, Design, Encounter};
 use super::edit::{self, all_distinct};
 use super::placement::place;
 use super::sample::sample_design;
-use super::vocabulary::{Bound, KINDS, MAX_ENCOUNTERS, MISS, SPEED, STEP, rotate_bearing};
+use super::vocabulary::{KINDS, MAX_ENCOUNTERS, MISS, SPEED, STEP};
+use crate::angles::whole_degrees;
+use crate::bound::Bound;
 use crate::brief::DesignBrief;
-use crate::mutation::{Mutation, adjacent_value};
+use crate::mutation::{Mutation, adjacent_value, pick_choice};
 
 /// Maximum number of attempts to mutate a scenario.
 const MAX_ATTEMPTS: u32 = 12;
@@ -181,7 +183,7 @@ fn read_encounter(coast: &CoastPaths, arrives: u32, body: Body) -> Option<Encoun
     let encounter = Encounter {
         satellite: u32::try_from(satellite).ok()?,
         step,
-        bearing_deg: rotate_bearing(bearing_deg, 0.0),
+        bearing_deg: whole_degrees(bearing_deg).into(),
         relative_speed: to_number(SPEED, (state.vx - body.vx).hypot(state.vy - body.vy))?,
         miss_distance,
         kind,
@@ -196,8 +198,8 @@ fn read_encounter(coast: &CoastPaths, arrives: u32, body: Body) -> Option<Encoun
     clippy::cast_sign_loss,
     reason = "a quotient of two positive numbers"
 )]
-fn to_number(bound: Bound, value: f64) -> Option<u32> {
-    let number = (value / bound.scale).round() as u32;
+fn to_number(bound: Bound<u32>, value: f64) -> Option<u32> {
+    let number = libm::round(value * bound.per_unit) as u32;
     bound.contains(number).then_some(number)
 }
 
@@ -234,8 +236,7 @@ fn toggle_rogue(design: &mut Design, brief: &DesignBrief, rng: &mut KeyedRng) ->
 fn change_param(recipe: &mut Recipe, brief: &DesignBrief, rng: &mut KeyedRng) -> Option<&'static str> {
     let has_effect = |param: &str| matches!(param, "fuel" | "radar_range");
     let choices: Vec<_> = brief.param_choices.iter().filter(|choice| has_effect(&choice.param)).collect();
-    let count = u32::try_from(choices.len()).ok().filter(|count| *count > 0)?;
-    let choice = choices[rng.below(count) as usize];
+    let choice = pick_choice(&choices, rng)?;
     let value = adjacent_value(recipe, choice, rng)?;
     *recipe = recipe.clone().with_param(&choice.param, value).ok()?;
     Some(if choice.param == "fuel" { "fuel" } else { "radar range" })

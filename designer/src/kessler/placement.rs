@@ -10,6 +10,7 @@ use env_core::kessler::threat_placement::THREAT_START_RADII;
 use super::coast::CoastPaths;
 use super::design::Encounter;
 use super::vocabulary::{EncounterKind, MISS, SPEED};
+use crate::angles::{angle_between, turn_between};
 
 /// Maximum difference of a solved bearing from the requested one, in degrees.
 pub(super) const BEARING_TOLERANCE: f64 = 0.5;
@@ -178,8 +179,8 @@ impl Solver<'_> {
             let mut heading_deg = start;
             for _ in 0..SOLVER_ITERATIONS {
                 let bearing_deg = self.bearing(heading_deg);
-                let error = angle_between(wanted, bearing_deg);
-                if error.abs() < angle_between(wanted, best.bearing_deg).abs() {
+                let error = turn_between(bearing_deg, wanted);
+                if error.abs() < angle_between(wanted, best.bearing_deg) {
                     best = Solution { heading_deg, bearing_deg };
                 }
                 if error.abs() < 0.01 * BEARING_TOLERANCE {
@@ -187,7 +188,7 @@ impl Solver<'_> {
                 }
                 heading_deg += error;
             }
-            if angle_between(wanted, best.bearing_deg).abs() <= BEARING_TOLERANCE {
+            if angle_between(wanted, best.bearing_deg) <= BEARING_TOLERANCE {
                 return Ok(best);
             }
         }
@@ -273,17 +274,5 @@ impl Solver<'_> {
             (dx, dy)
         };
         (nearest.0 * nearest.0 + nearest.1 * nearest.1).sqrt()
-    }
-}
-
-/// Returns the angle from one bearing to another, the short way, in degrees in (−180, 180].
-pub(super) fn angle_between(wanted: f64, found: f64) -> f64 {
-    let turn = (wanted - found) % 360.0;
-    if turn > 180.0 {
-        turn - 360.0
-    } else if turn <= -180.0 {
-        turn + 360.0
-    } else {
-        turn
     }
 }

@@ -9,9 +9,9 @@ use super::aim::{AIM_TOLERANCE_DEG, AimSpec, allowed_aims};
 use super::coast::CoastPaths;
 use super::design::{Aim, Design, Encounter};
 use super::placement::can_place;
-use super::vocabulary::{
-    BEARING, EncounterKind, KindSpec, MAX_ENCOUNTERS, MISS, SATELLITE, SPEED, STEP, rotate_bearing,
-};
+use super::vocabulary::{BEARING, EncounterKind, KindSpec, MAX_ENCOUNTERS, MISS, SATELLITE, SPEED, STEP};
+use crate::angles::{draw_near_middle, sector_middle_deg, whole_degrees};
+use crate::bound::draw_change;
 use crate::brief::DesignBrief;
 use crate::profile::{ModeProfile, SectorWeights};
 use crate::profile_sampling::{EXPLORATION, sample_mode, sharpen};
@@ -96,12 +96,10 @@ impl Target {
         let sharpened = sharpen(&sectors);
         let explores = !is_known || rng.bernoulli(EXPLORATION);
         let weights = if explores { &[1.0; PROFILE_SECTORS as usize] } else { &sharpened };
-        let sector = rng.weighted_index(weights)?;
-        let centre = sector as f64 * 360.0 / f64::from(PROFILE_SECTORS);
+        let sector = rng.weighted_index(weights)? as u32;
         // Waste and lack of fuel have no bearing.
         let has_bearing = matches!(spec.mode, "collision" | "rogue");
-        let bearing_deg =
-            has_bearing.then(|| rotate_bearing(centre, f64::from(rng.range_inclusive(0, 20)) - 10.0));
+        let bearing_deg = has_bearing.then(|| u32::from(draw_near_middle(sector_middle_deg(sector), rng)));
         Some(Self {
             aim: Aim { mode: spec.mode.to_owned(), bearing_deg },
             frame,
@@ -116,10 +114,7 @@ impl Target {
         let tolerance = AIM_TOLERANCE_DEG as u32;
         let bearing_deg = match self.aim.bearing_deg {
             // One degree less than the tolerance, since placement may be off by half a degree.
-            Some(aimed) => rotate_bearing(
-                f64::from(aimed),
-                f64::from(rng.range_inclusive(0, 2 * tolerance - 2)) - f64::from(tolerance - 1),
-            ),
+            Some(aimed) => whole_degrees((i64::from(aimed) + draw_change(tolerance - 1, rng)) as f64).into(),
             None => rng.range_inclusive(BEARING.min, BEARING.max),
         };
         let step = rng.range_inclusive(STEPS.0.max(STEP.min), STEPS.1.min(STEP.max));
@@ -142,7 +137,7 @@ impl Target {
         if self.kind != EncounterKind::Threat {
             return speed;
         }
-        let fastest = brief.param("radar_range") / REACTION_STEPS / SPEED.scale;
+        let fastest = brief.param("radar_range") / REACTION_STEPS * SPEED.per_unit;
         speed.min((fastest as u32).max(SPEED.min))
     }
 
@@ -157,7 +152,7 @@ impl Target {
             return 0;
         }
         let reach = brief.param("fuel") / FUEL_PER_SPEED * REACTION_STEPS;
-        ((CONTACT_DISTANCE - reach).max(0.0) / MISS.scale) as u32
+        ((CONTACT_DISTANCE - reach).max(0.0) * MISS.per_unit) as u32
     }
 }
 
@@ -223,7 +218,7 @@ fn concentration(sectors: &SectorWeights) -> f64 {
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "edges of bands are a few LU/TU")]
 fn sample_speed(band_weights: &[f64], brief: &DesignBrief, rng: &mut KeyedRng) -> u32 {
     let edges = brief.recipe.task().speed_bands().edges;
-    let number = |edge: f64| (edge / SPEED.scale) as u32;
+    let number = |edge: f64| (edge * SPEED.per_unit) as u32;
     let is_known = band_weights.iter().sum::<f64>() > 0.0 && !rng.bernoulli(EXPLORATION);
     let Some(band) = rng.weighted_index(band_weights).filter(|_| is_known) else {
         return rng.range_inclusive(SPEED.min.max(20), SPEED.max);

@@ -12,8 +12,9 @@ use serde_json::{Value, json};
 
 use super::aim::{AIM_TOLERANCE_DEG, allowed_aims, allows_rogues};
 use super::vocabulary::{
-    BEARING, Bound, EncounterKind, FRAMES, KINDS, KindSpec, MAX_ENCOUNTERS, MISS, SATELLITE, SPEED, STEP,
+    BEARING, EncounterKind, FRAMES, KINDS, KindSpec, MAX_ENCOUNTERS, MISS, SATELLITE, SPEED, STEP,
 };
+use crate::bound::Bound;
 use crate::brief::DesignBrief;
 use crate::design_fields::MAX_NAME_CHARS;
 use crate::schema_forms::{integer, object, params, string_of};
@@ -127,7 +128,7 @@ fn design_form(brief: &DesignBrief, needed: EncounterKind, modes: Vec<&'static s
 
 /// Returns the schema of an encounter of a kind.
 fn encounter_form(kind: &KindSpec, allows_rogues: bool) -> Value {
-    let bounded = |bound: Bound| (bound.name, integer(bound.min, bound.max));
+    let bounded = |bound: Bound<u32>| (bound.name, integer(bound.min, bound.max));
     let mut fields = vec![
         ("kind", string_of([kind.name])),
         bounded(SATELLITE),

@@ -5,99 +5,58 @@
 
 use env_core::kessler::bearing::BearingFrame;
 use env_core::kessler::constants::{HORIZON, SATELLITES};
-use serde_json::{Map, Value};
 
-use crate::design_fields::parse_integer;
-use crate::field_error::FieldError;
+use crate::bound::Bound;
 
 /// Maximum number of encounters in a layout.
 pub const MAX_ENCOUNTERS: usize = 12;
 
-/// Bounds and meaning of one number of an encounter.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bound {
-    /// Name of the field.
-    pub name: &'static str,
-    /// Smallest value that is allowed.
-    pub min: u32,
-    /// Largest value that is allowed.
-    pub max: u32,
-    /// Quantity that one unit of the number stands for, in `unit`.
-    pub scale: f64,
-    /// Unit of the quantity; empty for an index.
-    pub unit: &'static str,
-    /// Meaning of the number, in one sentence.
-    pub description: &'static str,
-}
-
 /// Index of the satellite.
-pub const SATELLITE: Bound = Bound {
+pub const SATELLITE: Bound<u32> = Bound {
     name: "satellite",
     min: 0,
     max: SATELLITES as u32 - 1,
-    scale: 1.0,
+    per_unit: 1.0,
     unit: "",
     description: "index of the satellite",
 };
 /// Step of the encounter. No contact may happen before step 3.
-pub const STEP: Bound = Bound {
+pub const STEP: Bound<u32> = Bound {
     name: "step",
     min: 3,
     max: HORIZON - 2,
-    scale: 1.0,
+    per_unit: 1.0,
     unit: "TU",
     description: "step at whose end the debris is closest to the satellite if no satellite burns",
 };
 /// Bearing from which the debris comes.
-pub const BEARING: Bound = Bound {
+pub const BEARING: Bound<u32> = Bound {
     name: "bearing_deg",
     min: 0,
     max: 359,
-    scale: 1.0,
+    per_unit: 1.0,
     unit: "degrees",
     description: "direction from the satellite to the debris, five steps before the encounter, or when the debris first becomes \
             visible if that is later",
 };
 /// Speed relative to the satellite.
-pub const SPEED: Bound = Bound {
+pub const SPEED: Bound<u32> = Bound {
     name: "relative_speed",
     min: 10,
     max: 120,
-    scale: 0.1,
+    per_unit: 10.0,
     unit: "LU/TU",
     description: "speed of the debris relative to the satellite at that step, in tenths of LU/TU",
 };
 /// Least distance to the satellite.
-pub const MISS: Bound = Bound {
+pub const MISS: Bound<u32> = Bound {
     name: "miss_distance",
     min: 0,
     max: 200,
-    scale: 0.1,
+    per_unit: 10.0,
     unit: "LU",
     description: "smallest distance of the debris to the satellite, in tenths of LU; below 20 it hits",
 };
-
-impl Bound {
-    /// Returns the quantity that a number stands for, in `unit`.
-    #[must_use]
-    pub fn value(&self, number: u32) -> f64 {
-        // Division by ten is exact to the last bit; multiplication by a tenth is not.
-        if self.scale < 1.0 { f64::from(number) / (1.0 / self.scale) } else { f64::from(number) }
-    }
-
-    /// Returns true if a number is within the bounds.
-    #[must_use]
-    pub fn contains(&self, number: u32) -> bool {
-        (self.min..=self.max).contains(&number)
-    }
-
-    /// Parses the number from the fields of the object at `path`.
-    pub(super) fn parse(&self, path: &str, fields: &Map<String, Value>) -> Result<u32, FieldError> {
-        let number = parse_integer(path, fields, self.name, self.min.into()..=self.max.into())?;
-        // Bounds fit, so a number within them does too.
-        Ok(u32::try_from(number).unwrap_or(self.min))
-    }
-}
 
 /// Purpose of an encounter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -193,12 +152,4 @@ pub const FRAMES: [FrameSpec; 2] = [
 #[must_use]
 pub fn frame_spec(frame: BearingFrame) -> &'static FrameSpec {
     FRAMES.iter().find(|spec| spec.frame == frame).unwrap_or(&FRAMES[0])
-}
-
-/// Returns a bearing after a rotation in degrees, as a whole number from 0 to 359.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a whole number from 0 to 359")]
-pub(super) fn rotate_bearing(bearing_deg: f64, rotation_deg: f64) -> u32 {
-    let rotated = libm::round(bearing_deg + rotation_deg);
-    let wrapped = rotated - libm::floor(rotated / 360.0) * 360.0;
-    (wrapped as u32).min(BEARING.max)
 }

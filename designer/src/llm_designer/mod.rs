@@ -44,8 +44,8 @@ const MAX_NAME_CHARS: usize = 60;
 
 /// Designer of one run that asks a language model.
 ///
-/// Its future waits for the network and yields between designs. Judging one design takes the time of the planner (milliseconds
-/// to tenths of a second), so run it on a thread of its own or on a runtime with spare threads.
+/// Its future waits for the network and yields between designs. Judging one design blocks for as long as the planner runs, so run
+/// it on a thread of its own or on a runtime with spare threads.
 #[derive(Debug, Clone)]
 pub struct LlmDesigner {
     client: LlmClient,

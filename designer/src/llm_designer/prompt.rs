@@ -6,6 +6,7 @@ use env_core::critique::{PROFILE_SECTORS, SpeedBands};
 use llm::{Message, Role, sanitize_line_to};
 use serde_json::Value;
 
+use crate::angles::sector_middle_deg;
 use crate::brief::{DesignBrief, LayoutOutcome, ParamChoice, PastLayout};
 use crate::design_language::{DesignLanguage, PromptTexts};
 use crate::profile::{FailureProfile, ModeProfile};
@@ -180,7 +181,7 @@ fn profile_rows(profile: &FailureProfile, bands: SpeedBands) -> Vec<ProfileRow> 
         let name = identifier(&mode.mode);
         for cell in &mode.cells {
             let bearing =
-                cell.sector.map_or_else(|| "-".to_owned(), |sector| sector_centre(sector).to_string());
+                cell.sector.map_or_else(|| "-".to_owned(), |sector| sector_middle_deg(sector).to_string());
             let steps = cell.mean_steps_left.map_or_else(|| "-".to_owned(), |steps| format!("{steps:.1}"));
             let text = format!("{name} | {bearing} | {} | {steps}", band_text(bands, cell.band));
             rows.push(ProfileRow { weight: cell.weight, text });
@@ -207,11 +208,6 @@ fn band_text(bands: SpeedBands, band: Option<u32>) -> String {
     }
 }
 
-/// Returns the bearing of the middle of a sector, in degrees.
-const fn sector_centre(sector: u32) -> u32 {
-    sector * 360 / PROFILE_SECTORS
-}
-
 /// Returns the failures of a mode by bearing in the inertial frame; `None` if there are none.
 fn inertial_bearings_text(mode: &ModeProfile) -> Option<String> {
     let weights = mode.inertial_sector_weights();
@@ -221,7 +217,7 @@ fn inertial_bearings_text(mode: &ModeProfile) -> Option<String> {
     }
     let sectors = (0..PROFILE_SECTORS).zip(weights).filter(|(_, weight)| *weight > 0.0);
     let shares = sectors
-        .map(|(sector, weight)| format!("{} from {}", percent(weight / total), sector_centre(sector)))
+        .map(|(sector, weight)| format!("{} from {}", percent(weight / total), sector_middle_deg(sector)))
         .collect::<Vec<_>>()
         .join(", ");
     Some(format!("{} by bearing in the frame inertial: {shares}", identifier(&mode.mode)))

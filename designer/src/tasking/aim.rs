@@ -6,7 +6,9 @@
 use env_core::tasking::task::forecast::SatelliteForecast;
 
 use super::facts::DesignFacts;
+use super::units::{J_PER_WH, S_PER_MINUTE};
 use super::vocabulary::{AIM_ANGLE, BATTERY, START_ANGLE, STORAGE, WHEELS};
+use crate::angles::angle_between;
 use crate::brief::DesignBrief;
 use crate::field_error::FieldError;
 
@@ -30,8 +32,6 @@ pub(super) const MAX_IDLE_STORAGE: i32 = 80;
 pub(super) const MIN_PRIORITY_RANGE: i32 = 30;
 /// Least number of targets that two satellites see.
 const MIN_SHARED_TARGETS: usize = 5;
-/// Joules of a watt-hour.
-const J_PER_WH: f64 = 3600.0;
 
 /// Failure mode that a layout can aim at.
 #[derive(Debug, Clone, Copy)]
@@ -113,8 +113,7 @@ pub(super) fn check_aim(facts: &DesignFacts<'_>) -> Result<(), FieldError> {
     let Some(aimed) = facts.design.aim_angle_deg else { return Ok(()) };
     let path = facts.forecast.satellites.get(moment.satellite);
     let Some(point) = path.and_then(|path| path.point_at(moment.time_s)) else { return Ok(()) };
-    let turn = (point.orbit_angle_deg - f64::from(aimed)).rem_euclid(360.0);
-    if turn.min(360.0 - turn) <= AIM_TOLERANCE_DEG {
+    if angle_between(point.orbit_angle_deg, f64::from(aimed)) <= AIM_TOLERANCE_DEG {
         return Ok(());
     }
     let message = format!(
@@ -122,7 +121,7 @@ pub(super) fn check_aim(facts: &DesignFacts<'_>) -> Result<(), FieldError> {
          degrees then, {:.0} minutes after the start",
         moment.satellite,
         point.orbit_angle_deg,
-        moment.time_s / 60.0
+        moment.time_s / S_PER_MINUTE
     );
     Err(FieldError::new(format!("aim.{}", AIM_ANGLE.name), message))
 }
@@ -259,7 +258,7 @@ fn crowded_field(facts: &DesignFacts<'_>, range: i32) -> Result<AimMoment, Field
         let pass = facts.field_pass(index);
         if pass.seen > pass.images {
             let satellite = usize::try_from(field.satellite).unwrap_or(0);
-            return Ok(AimMoment { satellite, time_s: 60.0 * f64::from(field.minute) });
+            return Ok(AimMoment { satellite, time_s: S_PER_MINUTE * f64::from(field.minute) });
         }
         if nearest.as_ref().is_none_or(|(_, held): &(usize, super::facts::FieldPass)| held.seen < pass.seen) {
             nearest = Some((index, pass));

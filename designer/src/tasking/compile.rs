@@ -2,21 +2,19 @@
 //! and the directions of the wheels; they become part of the layout.
 
 use env_core::space::START_SCALE;
-use env_core::tasking::setup::environment::DEFAULT_STATIONS;
 use env_core::tasking::task::forecast::TaskingForecast;
 use env_core::tasking::task::layout::{EpochDay, SatelliteStart, SunOrbit, TargetPlace, TaskingLayout};
 use env_core::{Layout, Recipe, Scenario, ScenarioError};
 
 use super::design::{TargetField, TaskingDesign};
 use super::field::place_targets;
-use super::params::has_targets;
+use super::params::{has_targets, station_count};
+use super::units::S_PER_MINUTE;
 use super::vocabulary::{MINUTE, SATELLITE, STATION};
 use crate::field_error::FieldError;
 
 /// Speed of a wheel that ends an episode, rpm.
 const WHEEL_LIMIT_RPM: f64 = 6000.0;
-/// Seconds of a minute.
-const S_PER_MINUTE: f64 = 60.0;
 /// Hundredths in a whole.
 const PERCENT: f64 = 100.0;
 
@@ -133,7 +131,7 @@ fn check_fields(design: &TaskingDesign, recipe: &Recipe) -> Result<(), FieldErro
 
 /// Checks that the task has the stations that are out of service, and one more.
 fn check_outages(design: &TaskingDesign, recipe: &Recipe) -> Result<(), FieldError> {
-    let stations = recipe.param("stations").map_or(DEFAULT_STATIONS.len(), |stations| stations as usize);
+    let stations = station_count(recipe);
     let is_missing = |station: &&i32| usize::try_from(**station).is_ok_and(|station| station >= stations);
     if let Some(station) = design.outages.iter().find(is_missing) {
         let message =

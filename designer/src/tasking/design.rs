@@ -100,10 +100,6 @@ impl TaskingDesign {
         reject_unknown("design", fields, &known)?;
         let aim = parse_object("aim", fields.get("aim").unwrap_or(&Value::Null))?;
         reject_unknown("aim", aim, &["mode", AIM_ANGLE.name])?;
-        let aim_angle_deg = match aim.get(AIM_ANGLE.name) {
-            None | Some(Value::Null) => None,
-            Some(_) => Some(AIM_ANGLE.parse("aim", aim)?),
-        };
         let keeps_background = match fields.get("background") {
             None => true,
             Some(value) => {
@@ -113,7 +109,7 @@ impl TaskingDesign {
         Ok(Self {
             name: parse_name(fields),
             mode: parse_mode(aim)?,
-            aim_angle_deg,
+            aim_angle_deg: AIM_ANGLE.parse_optional("aim", aim)?,
             params: parse_params(fields.get("params"))?,
             start: DesignedStart::parse(fields.get("start").unwrap_or(&Value::Null))?,
             outages: parse_outages(fields.get(STATION.name))?,

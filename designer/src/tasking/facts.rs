@@ -6,13 +6,12 @@ use env_core::tasking::access::Opportunity;
 use env_core::tasking::task::forecast::{SatelliteForecast, TaskingForecast};
 
 use super::design::TaskingDesign;
+use super::units::S_PER_MINUTE;
 
 /// Shortest pass over a station that counts, s: half of a downlink.
 pub(super) const MIN_PASS_S: f64 = 30.0;
 /// Largest time between the middle of a window and the minute of its field, s. Later passes over the field do not count.
 const SAME_PASS_S: f64 = 900.0;
-/// Seconds of a minute.
-const S_PER_MINUTE: f64 = 60.0;
 
 /// A design with the sky in which only the targets of its fields exist.
 pub(super) struct DesignFacts<'a> {

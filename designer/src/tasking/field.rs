@@ -6,15 +6,12 @@ use env_core::tasking::task::layout::TargetPlace;
 use env_core::tasking::vector3::{Vector3, add, cross, norm, scale, sub};
 
 use super::design::TargetField;
+use super::units::{M_PER_KM, S_PER_MINUTE};
 
 /// Angle between two targets of a spiral that fills a disc evenly, rad: the golden angle (Vogel 1979).
 const GOLDEN_ANGLE_RAD: f64 = 2.399_963_229_728_653;
 /// Steps in the order of priorities from one target to the next, as a share of all: the golden ratio mixes them evenly.
 const GOLDEN_RATIO: f64 = 0.618_033_988_749_894_9;
-/// Metres of a kilometre.
-const M_PER_KM: f64 = 1000.0;
-/// Seconds of a minute.
-const S_PER_MINUTE: f64 = 60.0;
 
 /// Directions on the ground at a moment of a path, of length 1.
 struct GroundFrame {

@@ -27,6 +27,7 @@ mod schema;
 mod table;
 #[cfg(test)]
 mod tests;
+mod units;
 pub mod vocabulary;
 
 pub use self::compile::{CompiledStart, compile};

@@ -1,6 +1,5 @@
 //! Mutates scenarios without a design: the start that they draw becomes a layout, and one to three parts of it change a little.
 
-use env_core::tasking::setup::environment::DEFAULT_STATIONS;
 use env_core::tasking::task::forecast::TaskingForecast;
 use env_core::tasking::task::layout::{
     MAX_LAYOUT_DAY, MAX_LAYOUT_WHEEL_RPM, MIN_LAYOUT_CHARGE, SatelliteStart, TaskingLayout,
@@ -9,17 +8,16 @@ use env_core::{KeyedRng, Recipe, Scenario};
 
 use super::design::TargetField;
 use super::field::place_targets;
-use super::params::has_targets;
+use super::params::{choices, has_targets, station_count};
 use super::sample_parts::whole;
+use super::units::{S_PER_DAY, S_PER_MINUTE};
 use crate::brief::DesignBrief;
-use crate::mutation::{Mutation, adjacent_value};
+use crate::mutation::{Mutation, adjacent_value, pick_choice};
 
 /// Maximum number of attempts to mutate a scenario.
 const MAX_ATTEMPTS: u32 = 12;
 /// Maximum number of targets of a layout after a mutation. The tables of a layout have 512 rows in all.
 const MAX_TARGETS: usize = 480;
-/// Seconds of a day.
-const DAY_S: f64 = 86_400.0;
 
 /// A scenario whose start is edited.
 struct Child<'a> {
@@ -86,7 +84,7 @@ fn pick<'a>(child: &'a mut Child<'_>, rng: &mut KeyedRng) -> Option<&'a mut Sate
 fn shift_time(child: &mut Child<'_>, _: &DesignBrief, rng: &mut KeyedRng) -> Option<()> {
     let epoch = child.layout.epoch.as_mut()?;
     let shifted = epoch.second + either_way(10_800.0, rng);
-    epoch.second = libm::floor(shifted.rem_euclid(DAY_S));
+    epoch.second = libm::floor(shifted.rem_euclid(S_PER_DAY));
     Some(())
 }
 
@@ -141,8 +139,7 @@ fn change_data(child: &mut Child<'_>, _: &DesignBrief, rng: &mut KeyedRng) -> Op
 
 /// Puts a station out of service, or back into it; one stays.
 fn toggle_outage(child: &mut Child<'_>, _: &DesignBrief, rng: &mut KeyedRng) -> Option<()> {
-    let stations =
-        child.recipe.param("stations").map_or(DEFAULT_STATIONS.len(), |stations| stations as usize);
+    let stations = station_count(&child.recipe);
     let station = rng.below(u32::try_from(stations).ok()?) as usize;
     let outages = &mut child.layout.outages;
     if outages.contains(&station) {
@@ -160,7 +157,7 @@ fn add_field(child: &mut Child<'_>, _: &DesignBrief, rng: &mut KeyedRng) -> Opti
     let sky = TaskingLayout { targets: Some(Vec::new()), keeps_drawn_targets: false, ..child.layout.clone() };
     let sky =
         TaskingForecast::with_layout(&Scenario::new(child.recipe.clone(), child.parent.seed()), sky).ok()?;
-    let minutes = (sky.time_limit_s / 60.0) as i32;
+    let minutes = (sky.time_limit_s / S_PER_MINUTE) as i32;
     let satellites = i32::try_from(sky.satellites.len()).ok()?;
     let field = TargetField {
         satellite: whole(rng, [0, satellites - 1]),
@@ -184,9 +181,8 @@ fn add_field(child: &mut Child<'_>, _: &DesignBrief, rng: &mut KeyedRng) -> Opti
 fn change_param(child: &mut Child<'_>, brief: &DesignBrief, rng: &mut KeyedRng) -> Option<()> {
     // The layout has a row for every satellite, and numbers of stations; the other params of a start are replaced by it.
     let is_fixed = |param: &str| matches!(param, "satellites" | "spacing_deg" | "stations");
-    let choices: Vec<_> =
-        super::params::choices(brief).into_iter().filter(|choice| !is_fixed(&choice.param)).collect();
-    let choice = choices.get(rng.below(u32::try_from(choices.len()).ok()?) as usize)?;
+    let choices: Vec<_> = choices(brief).into_iter().filter(|choice| !is_fixed(&choice.param)).collect();
+    let choice = pick_choice(&choices, rng)?;
     let value = adjacent_value(&child.recipe, choice, rng)?;
     child.recipe = child.recipe.clone().with_param(&choice.param, value).ok()?;
     Some(())

@@ -3,15 +3,13 @@
 use super::design::{DesignedStart, TargetField, TaskingDesign};
 use super::vocabulary::{
     BATTERY, DAY, MINUTE, NODE_HOUR, OFFSET, PRIORITY_HIGH, PRIORITY_LOW, SPREAD, START_ANGLE, STATION,
-    STORAGE, TARGETS, UTC_MINUTE, WHEELS, WholeNumber,
+    STORAGE, TARGETS, UTC_MINUTE, WHEELS,
 };
+use crate::bound::Bound;
+use crate::distance_parts::{mean_nearest, param_distance, root_mean_square};
 
 /// Difference of two fields in the satellite.
 const SATELLITE_DIFFERENCE: f64 = 0.5;
-/// Distance of a field to a design without fields.
-const MISSING_FIELD: f64 = 1.0;
-/// Distance that each differing param adds: another battery is another situation, but nearly the same layout.
-const PARAM_DISTANCE: f64 = 0.03;
 /// Minutes of an episode on whose scale the passes over two fields differ: an orbit.
 const ORBIT_MINUTES: f64 = 95.0;
 
@@ -22,11 +20,9 @@ pub(super) fn distance(a: &TaskingDesign, b: &TaskingDesign) -> f64 {
     let parts = if a.fields.is_empty() && b.fields.is_empty() {
         starts
     } else {
-        0.5 * (starts + fields_distance(&a.fields, &b.fields))
+        0.5 * (starts + mean_nearest(&a.fields, &b.fields, field_distance))
     };
-    let changed_params = a.params.iter().filter(|(name, value)| b.params.get(*name) != Some(value)).count()
-        + b.params.keys().filter(|name| !a.params.contains_key(*name)).count();
-    (parts + PARAM_DISTANCE * changed_params as f64).min(1.0)
+    (parts + param_distance(&a.params, &b.params)).min(1.0)
 }
 
 /// Returns the root mean square of the differences of two starts, each on the scale of its bounds.
@@ -49,16 +45,6 @@ fn start_distance(a: &TaskingDesign, b: &TaskingDesign) -> f64 {
     ])
 }
 
-/// Returns the mean, over all fields of both designs, of the distance to the nearest field of the other one.
-fn fields_distance(a: &[TargetField], b: &[TargetField]) -> f64 {
-    let nearest = |of: &TargetField, among: &[TargetField]| {
-        among.iter().map(|other| field_distance(of, other)).fold(MISSING_FIELD, f64::min)
-    };
-    let sum: f64 =
-        a.iter().map(|field| nearest(field, b)).chain(b.iter().map(|field| nearest(field, a))).sum();
-    sum / (a.len() + b.len()).max(1) as f64
-}
-
 fn field_distance(a: &TargetField, b: &TargetField) -> f64 {
     let number = |of: fn(&TargetField) -> i32| [of(a), of(b)];
     let minutes = f64::from((a.minute - b.minute).abs().min(MINUTE.max));
@@ -73,18 +59,13 @@ fn field_distance(a: &TargetField, b: &TargetField) -> f64 {
     ])
 }
 
-fn on_scale(bound: WholeNumber, [a, b]: [i32; 2]) -> f64 {
+fn on_scale(bound: Bound<i32>, [a, b]: [i32; 2]) -> f64 {
     f64::from((a - b).abs()) / f64::from(bound.max - bound.min)
 }
 
 /// Difference of two numbers whose largest value is next to the smallest, as a share of half of the circle.
-fn on_circle(bound: WholeNumber, [a, b]: [i32; 2]) -> f64 {
+fn on_circle(bound: Bound<i32>, [a, b]: [i32; 2]) -> f64 {
     let whole = bound.max - bound.min + 1;
     let turn = (a - b).abs() % whole;
     2.0 * f64::from(turn.min(whole - turn)) / f64::from(whole)
-}
-
-fn root_mean_square(differences: &[f64]) -> f64 {
-    let sum_of_squares: f64 = differences.iter().map(|difference| difference * difference).sum();
-    (sum_of_squares / differences.len() as f64).sqrt()
 }

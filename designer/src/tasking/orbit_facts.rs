@@ -4,6 +4,8 @@ use env_core::TaskSpec;
 use env_core::tasking::constants::{EARTH_MU, EARTH_RADIUS_M};
 use env_core::tasking::environments::TaskingEnvironment;
 
+use super::units::{M_PER_KM, S_PER_MINUTE};
+
 /// Least elevation at which a target sees the satellite that images it, degrees, as in BSK-RL.
 const TARGET_ELEVATION_DEG: f64 = 45.0;
 
@@ -32,15 +34,16 @@ impl OrbitFacts {
         let altitude_m = environment.altitude_m();
         let radius_m = EARTH_RADIUS_M + altitude_m;
         let ratio = EARTH_RADIUS_M / radius_m;
-        let minutes = std::f64::consts::TAU * libm::sqrt(radius_m * radius_m * radius_m / EARTH_MU) / 60.0;
+        let minutes =
+            std::f64::consts::TAU * libm::sqrt(radius_m * radius_m * radius_m / EARTH_MU) / S_PER_MINUTE;
         let elevation = TARGET_ELEVATION_DEG.to_radians();
         Self {
-            altitude_km: altitude_m / 1000.0,
+            altitude_km: altitude_m / M_PER_KM,
             inclination_deg: environment.inclination_deg(),
             minutes,
             deg_per_minute: 360.0 / minutes,
             half_shadow_deg: libm::asin(ratio).to_degrees(),
-            sight_km: EARTH_RADIUS_M / 1000.0 * (libm::acos(ratio * libm::cos(elevation)) - elevation),
+            sight_km: EARTH_RADIUS_M / M_PER_KM * (libm::acos(ratio * libm::cos(elevation)) - elevation),
         }
     }
 }

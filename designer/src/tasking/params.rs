@@ -1,6 +1,7 @@
 //! Params that a design or an edit may set.
 
 use env_core::Recipe;
+use env_core::tasking::setup::environment::DEFAULT_STATIONS;
 
 use crate::brief::{DesignBrief, ParamChoice};
 
@@ -17,4 +18,9 @@ pub(super) fn choices(brief: &DesignBrief) -> Vec<&ParamChoice> {
 /// Returns true if a recipe draws targets, so that a layout may have some.
 pub(super) fn has_targets(recipe: &Recipe) -> bool {
     recipe.param("targets").is_some()
+}
+
+/// Returns the number of ground stations of a recipe; all known ones if no param limits it.
+pub(super) fn station_count(recipe: &Recipe) -> usize {
+    recipe.param("stations").map_or(DEFAULT_STATIONS.len(), |stations| stations as usize)
 }

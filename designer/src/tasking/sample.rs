@@ -7,7 +7,6 @@ use super::aim::allowed_aims;
 use super::build::build_design;
 use super::design::TaskingDesign;
 use super::sample_parts::{Draft, sample_start};
-use super::vocabulary::START_ANGLE;
 use crate::brief::DesignBrief;
 use crate::profile::SectorWeights;
 use crate::profile_sampling::{sample_mode, sample_sector_deg};
@@ -41,8 +40,7 @@ fn sample_angle(brief: &DesignBrief, mode: &str, rng: &mut KeyedRng) -> Option<i
     }
     let mut sectors = brief.profile.mode(mode).map_or_else(SectorWeights::default, |m| m.sector_weights());
     add_past_layouts(brief, mode, &mut sectors);
-    let angle = sample_sector_deg(&sectors, rng)? as i32 + rng.range_inclusive(0, 20) as i32 - 10;
-    Some(angle.rem_euclid(START_ANGLE.max + 1))
+    sample_sector_deg(&sectors, rng).map(i32::from)
 }
 
 /// Adds the results of past layouts with this aim to the weights, by the regret that they caused in the aimed way.

@@ -10,15 +10,13 @@ use super::compile::compile;
 use super::design::{DesignedStart, TargetField, TaskingDesign};
 use super::facts::DesignFacts;
 use super::orbit_facts::OrbitFacts;
-use super::params::has_targets;
-use super::vocabulary::{
-    BATTERY, DAY, MAX_FIELDS, NODE_HOUR, START_ANGLE, STATION, STORAGE, UTC_MINUTE, WHEELS, WholeNumber,
-};
+use super::params::{has_targets, station_count};
+use super::units::S_PER_MINUTE;
+use super::vocabulary::{BATTERY, DAY, MAX_FIELDS, NODE_HOUR, START_ANGLE, STORAGE, UTC_MINUTE, WHEELS};
+use crate::angles::angle_between;
 
 /// Largest distance of a failure's time from the aimed orbit angle, degrees. It is smaller than the tolerance of the aim.
 const ANGLE_REACH_DEG: f64 = 20.0;
-/// Seconds of a minute.
-const S_PER_MINUTE: f64 = 60.0;
 /// Share of designs with a background of drawn targets, where fields matter most.
 const BACKGROUND_SHARE: f64 = 0.3;
 /// Minutes at the end of an episode without fields.
@@ -234,10 +232,9 @@ impl<'a> Draft<'a> {
     }
 
     fn is_near_aim(&self, orbit_angle_deg: f64) -> bool {
-        self.design.aim_angle_deg.is_none_or(|aimed| {
-            let turn = (orbit_angle_deg - f64::from(aimed)).rem_euclid(360.0);
-            turn.min(360.0 - turn) <= ANGLE_REACH_DEG
-        })
+        self.design
+            .aim_angle_deg
+            .is_none_or(|aimed| angle_between(orbit_angle_deg, f64::from(aimed)) <= ANGLE_REACH_DEG)
     }
 
     fn add_fields(&mut self, count: [i32; 2], ranges: &FieldRanges, rng: &mut KeyedRng) {
@@ -260,8 +257,7 @@ impl<'a> Draft<'a> {
 
     /// Puts stations of the task out of service; at least one stays.
     fn add_outages(&mut self, count: [i32; 2], rng: &mut KeyedRng) {
-        let stations =
-            self.base.recipe().param("stations").map_or(STATION.max + 1, |stations| stations as i32);
+        let stations = station_count(self.base.recipe()) as i32;
         let count = whole(rng, count).min(stations - 1);
         while (self.design.outages.len() as i32) < count {
             let station = whole(rng, [0, stations - 1]);
@@ -282,14 +278,4 @@ impl<'a> Draft<'a> {
 pub(super) fn whole(rng: &mut KeyedRng, [min, max]: [i32; 2]) -> i32 {
     let width = u32::try_from(max - min).unwrap_or(0);
     min + rng.range_inclusive(0, width) as i32
-}
-
-/// Changes a number by up to `most` either way, within its bounds.
-pub(super) fn jitter(number: i32, most: i32, bound: WholeNumber, rng: &mut KeyedRng) -> i32 {
-    bound.clamp(number + whole(rng, [-most, most]))
-}
-
-/// Turns a number on a circle by up to `most` either way.
-pub(super) fn turn(number: i32, most: i32, bound: WholeNumber, rng: &mut KeyedRng) -> i32 {
-    bound.min + (number - bound.min + whole(rng, [-most, most])).rem_euclid(bound.max - bound.min + 1)
 }

@@ -9,13 +9,13 @@ use serde_json::{Value, json};
 
 use super::aim::{AIM_TOLERANCE_DEG, allowed_aims};
 use super::orbit_facts::OrbitFacts;
-use super::params::{choices, has_targets};
-use super::vocabulary::{
-    AIM_ANGLE, FIELD_NUMBERS, MAX_FIELDS, MINUTE, SATELLITE, START_NUMBERS, STATION, WholeNumber,
-};
+use super::params::{choices, has_targets, station_count};
+use super::units::S_PER_MINUTE;
+use super::vocabulary::{AIM_ANGLE, FIELD_NUMBERS, MAX_FIELDS, MINUTE, SATELLITE, START_NUMBERS, STATION};
+use crate::bound::Bound;
 use crate::brief::DesignBrief;
 use crate::design_fields::MAX_NAME_CHARS;
-use crate::schema_forms::{integer, object, params, string_of};
+use crate::schema_forms::{integer, object, optional_integer, params, string_of};
 
 /// Maximum number of fields that a model is asked for. Small models use all that they may.
 const MAX_REQUESTED_FIELDS: usize = 4;
@@ -25,8 +25,8 @@ const _: () = assert!(MAX_REQUESTED_FIELDS <= MAX_FIELDS);
 /// out.
 pub(super) fn design_schema(brief: &DesignBrief) -> Value {
     let limits = Limits::of(brief);
-    let bounded = |number: &WholeNumber| (number.name, integer(number.min, limits.max(number)));
-    let angle = json!({"type": ["integer", "null"], "minimum": AIM_ANGLE.min, "maximum": AIM_ANGLE.max});
+    let bounded = |number: &Bound<i32>| (number.name, integer(number.min, limits.max(number)));
+    let angle = optional_integer(AIM_ANGLE.min, AIM_ANGLE.max);
     let modes = allowed_aims(brief).map(|aim| aim.mode);
     let mut fields = vec![("aim", object(&[("mode", string_of(modes)), (AIM_ANGLE.name, angle)]))];
     fields.extend(params(&choices(brief)).map(|params| ("params", params)));
@@ -72,7 +72,7 @@ pub(super) fn rules(brief: &DesignBrief) -> String {
         text.push_str("- params: params of the task, each with one of the values that the brief lists\n");
     }
     let limits = Limits::of(brief);
-    let mut add_numbers = |title: &str, numbers: &[WholeNumber]| {
+    let mut add_numbers = |title: &str, numbers: &[Bound<i32>]| {
         text.push_str(title);
         for number in numbers {
             let (min, max) = (number.min, limits.max(number));
@@ -122,7 +122,7 @@ fn world_text(brief: &DesignBrief) -> String {
     };
     let OrbitFacts { altitude_km, inclination_deg, minutes, deg_per_minute, half_shadow_deg, sight_km } =
         OrbitFacts::of(recipe.task());
-    let limit = recipe.param("time_limit_s").unwrap_or(0.0) / 60.0;
+    let limit = recipe.param("time_limit_s").unwrap_or(0.0) / S_PER_MINUTE;
     let work = if has_targets(recipe) {
         format!(
             "It earns the priority of each target that it images first while the target is in its window. It sees targets up to about \
@@ -155,17 +155,16 @@ struct Limits {
 impl Limits {
     fn of(brief: &DesignBrief) -> Self {
         let recipe = &brief.recipe;
-        let stations = recipe.param("stations").map_or(DEFAULT_STATIONS.len(), |stations| stations as usize);
-        let minutes = recipe.param("time_limit_s").unwrap_or(0.0) / 60.0;
+        let minutes = recipe.param("time_limit_s").unwrap_or(0.0) / S_PER_MINUTE;
         Self {
             satellites: i32::try_from(recipe.task().agents(recipe)).unwrap_or(SATELLITE.max + 1),
-            stations,
+            stations: station_count(recipe),
             last_minute: minutes as i32 - 1,
         }
     }
 
     /// Largest value of a number.
-    fn max(&self, number: &WholeNumber) -> i32 {
+    fn max(&self, number: &Bound<i32>) -> i32 {
         let most = match number {
             number if number.name == SATELLITE.name => self.satellites - 1,
             number if number.name == MINUTE.name => self.last_minute,

@@ -3,6 +3,7 @@
 use env_core::tasking::setup::environment::DEFAULT_STATIONS;
 
 use super::design::{TargetField, TaskingDesign};
+use super::vocabulary::{PRIORITY_HIGH, PRIORITY_LOW};
 use crate::design_language::DesignTable;
 
 /// Columns of the fields. Fields are counted from 0, as in refusals (`fields.0`).
@@ -66,7 +67,6 @@ fn start_row(design: &TaskingDesign) -> Vec<String> {
 
 /// Returns the row of a field, with a cell for each column of the table.
 pub(super) fn field_row(index: usize, field: &TargetField) -> Vec<String> {
-    let hundredths = |number: i32| format!("{:.2}", f64::from(number) / 100.0);
     vec![
         index.to_string(),
         field.satellite.to_string(),
@@ -74,7 +74,11 @@ pub(super) fn field_row(index: usize, field: &TargetField) -> Vec<String> {
         field.offset_km.to_string(),
         field.spread_km.to_string(),
         field.targets.to_string(),
-        format!("{} – {}", hundredths(field.priority_low), hundredths(field.priority_high)),
+        format!(
+            "{:.2} – {:.2}",
+            PRIORITY_LOW.value(field.priority_low),
+            PRIORITY_HIGH.value(field.priority_high)
+        ),
     ]
 }
 

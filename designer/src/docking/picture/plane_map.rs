@@ -5,8 +5,9 @@ use env_core::docking::relative_motion::{RelativeState, speed};
 
 use super::MAP_SIDE;
 use super::scene::{DeputyTracks, DockingScene};
+use crate::angles::angle_between;
 use crate::docking::aim::{AIM_TOLERANCE_DEG, MatchingDeputy};
-use crate::docking::vocabulary::{BEARING, angle_between};
+use crate::docking::vocabulary::BEARING;
 use crate::label_placer::LabelPlacer;
 use crate::picture_parts::{AGENT_COLOURS, AIM_COLOUR, SPACE_COLOUR};
 use crate::svg::{Arrow, DIM, GRID, Point, Stroke, SvgCanvas, TEXT, TextAnchor, TextStyle, format_number};

@@ -4,18 +4,17 @@ use env_core::docking::constants::{DOCKING_RADIUS_M, DOCKING_SPEED_M_S, MASS_KG}
 use env_core::docking::relative_motion::{RelativeState, StepTransition, distance, speed, speed_limit};
 use proptest::prelude::*;
 
+use crate::angles::angle_between;
 use crate::docking::DeputyStart;
 use crate::docking::approach::{
     StartApproach, distance_at_limit, excess_for_penalty, nearest_pass, separation_on_arrival,
     step_out_of_bounds, time_at_limit,
 };
-use crate::docking::vocabulary::{
-    AZIMUTH, CLOSING, CROSS, CROSS_DIRECTION, DISTANCE, ELEVATION, angle_between, wrap_degrees,
-};
+use crate::docking::vocabulary::{AZIMUTH, CLOSING, CROSS, CROSS_DIRECTION, DISTANCE, ELEVATION};
 
 /// Any deputy within the bounds of the language.
 pub(super) fn any_deputy() -> impl Strategy<Value = DeputyStart> {
-    let any = |bound: crate::docking::vocabulary::DeputyBound| bound.min..=bound.max;
+    let any = |bound: crate::Bound<i32>| bound.min..=bound.max;
     (any(DISTANCE), any(AZIMUTH), any(ELEVATION), any(CLOSING), any(CROSS), any(CROSS_DIRECTION)).prop_map(
         |(distance, azimuth_deg, elevation_deg, closing_speed, cross_speed, cross_deg)| DeputyStart {
             distance,
@@ -64,13 +63,6 @@ proptest! {
         let approach = StartApproach::new(&state, thrust);
         prop_assert!((approach.braking_penalty() - penalty).abs() < 1e-9);
     }
-}
-
-#[test]
-fn angles_wrap() {
-    assert_eq!([-1.0, 359.6, 720.4, -360.0].map(wrap_degrees), [359, 0, 0, 0]);
-    assert_eq!(angle_between(350.0, -350.0), 20.0);
-    assert_eq!(angle_between(90.0, 270.0), 180.0);
 }
 
 /// Advances a deputy without the relative motion of orbits: a straight line to the chief.

@@ -3,18 +3,18 @@
 use std::fmt::Write;
 
 use super::*;
-use crate::GateCheck;
 use crate::docking::DockingDesign;
 use crate::docking::aim::AIMS;
-use crate::docking::vocabulary::{DeputyBound, NUMBERS};
+use crate::docking::vocabulary::NUMBERS;
 use crate::test_support::assert_documented;
+use crate::{Bound, GateCheck};
 
 const DOCUMENT: &str = include_str!("../../../../docs/reference/design-language-docking.md");
 
 #[test]
 fn documented_numbers_match_the_language() {
     let mut rows = String::new();
-    for DeputyBound { name, min, max, description, .. } in NUMBERS {
+    for Bound { name, min, max, description, .. } in NUMBERS {
         let _ = writeln!(rows, "| `{name}` | {min} | {max} | {description} |");
     }
     assert_documented(DOCUMENT, "numbers", &rows);

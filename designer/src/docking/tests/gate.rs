@@ -6,8 +6,8 @@ use env_core::{ActionLog, StopReason};
 use proptest::prelude::*;
 
 use super::*;
+use crate::docking::DockingDesign;
 use crate::docking::aim::allowed_aims;
-use crate::docking::{DockingDesign, vocabulary};
 use crate::procedural::ProceduralDesigner;
 use crate::test_support::{assert_reference_succeeds, count_children};
 use crate::{AdmittedLayout, GateCheck, LayoutKind};
@@ -130,7 +130,7 @@ fn aim_follows_the_failure_profile() {
         let aims: Vec<_> = aims.collect();
         assert!(aims.iter().all(|aim| aim.mode == mode));
         // Sector 3 or a neighbour, except for one layout in twenty that explores. A timeout has no bearing.
-        let is_far = |bearing: &i32| vocabulary::angle_between(90.0, f64::from(*bearing)) > 45.0;
+        let is_far = |bearing: &i32| crate::angles::angle_between(90.0, f64::from(*bearing)) > 45.0;
         let known = aims.iter().filter_map(|aim| aim.bearing_deg);
         assert_eq!(known.clone().count() > 0, mode != "timeout", "{aims:?}");
         assert!(known.filter(is_far).count() == 0, "{aims:?}");

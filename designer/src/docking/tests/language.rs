@@ -7,6 +7,7 @@ use proptest::prelude::*;
 use super::approach::any_deputy;
 use super::*;
 use crate::docking::{DockingAim, DockingDesign, compile};
+use crate::test_support::prompt_text;
 
 proptest! {
     /// Parsing the JSON of a design returns the design, and building it twice gives one scenario.
@@ -188,8 +189,6 @@ fn prompt_for_a_team() {
     let past = json!({"name": "together", "aim": {"mode": "collision", "bearing_deg": 90}});
     let outcome = crate::brief::LayoutOutcome::Untested;
     brief.past_layouts = vec![crate::brief::PastLayout { design: past, seed: None, outcome }];
-    let messages = crate::llm_designer::prompt::opening(&brief, language(), 2);
-    let text = messages.iter().map(|message| format!("=== {:?}\n{}\n", message.role, message.content));
-    insta::assert_snapshot!(text.collect::<String>());
+    insta::assert_snapshot!(prompt_text(&brief, 2));
     insta::assert_json_snapshot!(language().schema(&brief));
 }

@@ -10,6 +10,7 @@ use env_core::log::Precision;
 use env_core::task::StepReport;
 use env_core::{ActionLog, Scenario, StopReason};
 
+use crate::angles::whole_degrees;
 use crate::design_language::LayoutView;
 use crate::kessler::aim::AIMS;
 use crate::kessler::coast::CoastPaths;
@@ -185,7 +186,7 @@ fn approaches_of_hits(scenario: &Scenario, start: &InitialState, coast: &CoastPa
         let encounter = Encounter {
             satellite: failure.agent,
             step: failure.step,
-            bearing_deg: round_to_u32(met.bearing_deg) % 360,
+            bearing_deg: whole_degrees(met.bearing_deg).into(),
             relative_speed: round_to_u32(10.0 * met.relative_speed),
             miss_distance: round_to_u32(10.0 * (dx * dx + dy * dy).sqrt()),
             kind: EncounterKind::Threat,

@@ -147,7 +147,7 @@ fn hits_are_found_without_a_design() {
         "layout": {"mode": "extend", "bodies": {"debris": [[15, -85.9, 2.3, 4.4], [70, 70, -2.6, 2.6]]}},
     });
     let scenario = Scenario::from_json(&scenario).unwrap();
-    let bracket = crate::gate::check_threat(&scenario).unwrap();
+    let bracket = env_core::admission::admit(&scenario).bracket.unwrap();
     let svg = draw("by hand", None, &scenario, &bracket);
     let document = Document::parse(&svg).unwrap();
     let texts = texts(&document);

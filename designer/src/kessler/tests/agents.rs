@@ -38,7 +38,7 @@ fn agents_beat_holding_and_fail_at_their_weakness() {
         assert!(lost < lost_by_holding * 2 / 3, "{name}: {lost} of the {lost_by_holding} that hold loses");
         let collisions = critiques.iter().flat_map(|c| &c.failures).filter(|f| f.mode == "collision");
         let encounters: Vec<_> = collisions.filter_map(|failure| failure.encounter.as_ref()).collect();
-        let is_near = |bearing: f64, centre: f64, max: f64| angle_between(centre, bearing).abs() <= max;
+        let is_near = |bearing: f64, centre: f64, max: f64| angle_between(centre, bearing) <= max;
         match weakness {
             // Debris near the edge of the blind sector may have been visible before, or leave the sector too late.
             Weakness::BlindTowardsY => {

@@ -9,9 +9,9 @@ use serde_json::{Value, json};
 
 use super::{Design, Encounter};
 use crate::kessler::aim::AIMS;
-use crate::kessler::vocabulary::{BEARING, Bound, FRAMES, KINDS, KindSpec, MISS, SATELLITE, SPEED, STEP};
+use crate::kessler::vocabulary::{BEARING, FRAMES, KINDS, KindSpec, MISS, SATELLITE, SPEED, STEP};
 use crate::test_support::assert_documented;
-use crate::{DesignBrief, Gate, GateCheck, Refusal, design_language};
+use crate::{Bound, DesignBrief, Gate, GateCheck, Refusal, design_language};
 
 const DOCUMENT: &str = include_str!("../../../../docs/reference/design-language.md");
 
@@ -21,10 +21,10 @@ const ECO_STATION: &str = "kessler/eco_station";
 #[test]
 fn documented_bounds_match_the_language() {
     let mut rows = String::new();
-    for Bound { name, min, max, scale, unit, description } in [SATELLITE, STEP, BEARING, SPEED, MISS] {
-        let unit = match (unit, scale < 1.0) {
+    for Bound { name, min, max, per_unit, unit, description } in [SATELLITE, STEP, BEARING, SPEED, MISS] {
+        let unit = match (unit, per_unit > 1.0) {
             ("", _) => String::new(),
-            (unit, true) => format!("{scale} {unit}"),
+            (unit, true) => format!("{} {unit}", 1.0 / per_unit),
             (unit, false) => unit.to_owned(),
         };
         let _ = writeln!(rows, "| `{name}` | {min} | {max} | {unit} | {description} |");

@@ -16,9 +16,9 @@ use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use serde_json::json;
 
-use super::placement::angle_between;
 use super::vocabulary::{BEARING, KINDS, KindSpec, MISS, SATELLITE, SPEED, STEP};
 use super::{Aim, Design, Encounter, EncounterKind, compile};
+use crate::angles::angle_between;
 
 fn base_scenario(task: &str, seed: u64) -> Scenario {
     let task = env_core::task(task).unwrap();
@@ -66,7 +66,7 @@ proptest! {
         let Ok(compiled) = compile(&design(frame, encounter), &base_scenario(task, seed)) else { return Ok(()) };
         let placed = compiled.placed[0];
         let requested = f64::from(encounter.bearing_deg);
-        prop_assert!(angle_between(requested, placed.bearing_deg).abs() <= 0.5);
+        prop_assert!(angle_between(requested, placed.bearing_deg) <= 0.5);
         let mut hold = ActionLog::new(2, Precision::F64);
         hold.stopped = Some(env_core::StopReason::TooLate); // the remaining steps hold
         let outcome = replay(&compiled.scenario, &hold).unwrap();
@@ -79,7 +79,7 @@ proptest! {
             prop_assert_eq!(failure.mode, if encounter.is_rogue { "rogue" } else { "collision" });
             let met = failure.encounter.as_ref().unwrap();
             let bearing = if inertial { met.bearing_inertial_deg.unwrap() } else { met.bearing_deg };
-            prop_assert!(angle_between(requested, bearing).abs() <= 0.5, "{requested} {bearing}");
+            prop_assert!(angle_between(requested, bearing) <= 0.5, "{requested} {bearing}");
             // The way back and forth over at most 48 steps is exact to 1e-9.
             let speed = SPEED.value(encounter.relative_speed);
             prop_assert!((met.relative_speed - speed).abs() < 1e-8, "{speed} {}", met.relative_speed);

@@ -11,11 +11,11 @@ use std::time::Duration;
 
 use env_core::Recipe;
 use llm::testing::{ScriptedModel, answer, chat_response, received_bodies, start_endpoint, test_config};
-use llm::{BreakerState, LlmClient, LlmConfig, LlmError, Message};
+use llm::{BreakerState, LlmClient, LlmConfig, LlmError};
 use serde_json::{Value, json};
 use wiremock::ResponseTemplate;
 
-use super::{LlmDesigner, MAX_REPAIRS, prompt};
+use super::{LlmDesigner, MAX_REPAIRS};
 use crate::brief::DesignBrief;
 use crate::gate::Gate;
 use crate::procedural::ProceduralDesigner;

@@ -3,13 +3,7 @@
 use super::*;
 use crate::brief::{LayoutOutcome, LevelMastery, PastLayout};
 use crate::profile::{FailureCell, ModeProfile, SectorWeight};
-
-/// Messages of a prompt as one text.
-fn prompt_text(brief: &DesignBrief, count: usize) -> String {
-    let messages = prompt::opening(brief, design_language(brief.recipe.task()).unwrap(), count);
-    let part = |message: &Message| format!("=== {:?}\n{}\n", message.role, message.content);
-    messages.iter().map(part).collect()
-}
+use crate::test_support::prompt_text;
 
 #[test]
 fn prompt_for_an_unknown_agent() {

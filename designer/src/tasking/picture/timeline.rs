@@ -8,6 +8,7 @@ use super::style::{
 use super::{MARGIN, WIDTH};
 use crate::picture_parts::SPACE_COLOUR;
 use crate::svg::{DIM, GRID, Point, Stroke, SvgCanvas, TEXT, TextAnchor, TextStyle};
+use crate::tasking::units::S_PER_MINUTE;
 
 /// Left end of the time axis, right of the names of the rows.
 const LEFT: f64 = MARGIN + 84.0;
@@ -17,8 +18,6 @@ const ROW: f64 = 13.0;
 const CHART: f64 = 62.0;
 /// Distance of the marks of the axis, min.
 const MARK_MINUTES: f64 = 30.0;
-/// Seconds of a minute.
-const S_PER_MINUTE: f64 = 60.0;
 
 /// A curve of the chart.
 struct ResourceCurve {

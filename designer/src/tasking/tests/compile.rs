@@ -5,6 +5,7 @@ use env_core::tasking::task::layout::TaskingLayout;
 use proptest::prelude::*;
 
 use super::*;
+use crate::angles::angle_between;
 use crate::tasking::vocabulary::{
     BATTERY, DAY, MINUTE, NODE_HOUR, OFFSET, SPREAD, START_ANGLE, STORAGE, TARGETS, UTC_MINUTE, WHEELS,
 };
@@ -62,11 +63,6 @@ fn field() -> impl Strategy<Value = TargetField> {
             priority_low,
             priority_high: 2 * priority_low,
         })
-}
-
-fn angle_between(a: f64, b: f64) -> f64 {
-    let turn = (a - b).rem_euclid(360.0);
-    turn.min(360.0 - turn)
 }
 
 proptest! {

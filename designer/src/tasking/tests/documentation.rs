@@ -3,16 +3,17 @@
 use std::fmt::Write;
 
 use super::*;
+use crate::Bound;
 use crate::tasking::TaskingDesign;
 use crate::tasking::aim::AIMS;
-use crate::tasking::vocabulary::{AIM_ANGLE, FIELD_NUMBERS, START_NUMBERS, WholeNumber};
+use crate::tasking::vocabulary::{AIM_ANGLE, FIELD_NUMBERS, START_NUMBERS};
 use crate::test_support::assert_documented;
 
 const DOCUMENT: &str = include_str!("../../../../docs/reference/design-language-tasking.md");
 
-fn rows_of(numbers: &[WholeNumber]) -> String {
+fn rows_of(numbers: &[Bound<i32>]) -> String {
     let mut rows = String::new();
-    for WholeNumber { name, min, max, description } in numbers {
+    for Bound { name, min, max, description, .. } in numbers {
         let _ = writeln!(rows, "| `{name}` | {min} | {max} | {description} |");
     }
     rows

@@ -82,7 +82,7 @@ fn any_bounded_design_is_built_or_refused() {
         let task = TASKS[number % 3];
         let brief = brief_at_level(task, (number % 10) as u32, 3);
         let mut design = design_json(task, "wheels");
-        let mut fill = |part: &mut Value, numbers: &[crate::tasking::vocabulary::WholeNumber]| {
+        let mut fill = |part: &mut Value, numbers: &[crate::Bound<i32>]| {
             for bound in numbers {
                 part[bound.name] = json!(bound.min + rng.below((bound.max - bound.min + 1) as u32) as i32);
             }

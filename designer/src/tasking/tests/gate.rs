@@ -5,6 +5,7 @@ use env_core::admission::{SuccessRule, is_success};
 use env_core::keyed_rng::RngPurpose;
 
 use super::*;
+use crate::angles::angle_between;
 use crate::procedural::ProceduralDesigner;
 use crate::tasking::TaskingDesign;
 use crate::tasking::aim::{AIM_TOLERANCE_DEG, allowed_aims};
@@ -75,8 +76,8 @@ fn aim_follows_the_failure_profile() {
             assert_eq!(design.mode, mode);
             // One design in twenty explores.
             if let Some(angle) = design.aim_angle_deg {
-                let turn = (f64::from(angle) - 30.0 * f64::from(sector)).rem_euclid(360.0);
-                assert!(turn.min(360.0 - turn) <= 1.5 * AIM_TOLERANCE_DEG, "{angle} for sector {sector}");
+                let turn = angle_between(f64::from(angle), 30.0 * f64::from(sector));
+                assert!(turn <= 1.5 * AIM_TOLERANCE_DEG, "{angle} for sector {sector}");
             }
         }
         let repeated = ProceduralDesigner::design_layouts(&brief, &mut empty_gate());

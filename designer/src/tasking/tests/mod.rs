@@ -5,6 +5,7 @@ mod documentation;
 mod fuzz;
 mod gate;
 mod mutate;
+mod prompt;
 
 use std::sync::Arc;
 
