@@ -1,16 +1,21 @@
 //! [`DesignBrief`]: everything a designer receives for one request.
 
+use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use env_core::space::Levels;
-use env_core::{Recipe, Scenario, Seed, SeedSpace};
+use env_core::space::{Levels, START_SCALE};
+use env_core::{Recipe, Scenario, Seed, SeedSpace, TaskSpec};
 use serde_json::Value;
 
 use crate::profile::FailureProfile;
 
 /// Distance in levels, up or down, from which a design may take values of params.
 const LEVEL_REACH: u32 = 2;
+/// Success rate of the agent on a layout below which new layouts are easier siblings of it.
+pub const EASE_BELOW: f64 = 0.3;
+/// Success rate of the agent on a layout above which new layouts are harder siblings of it.
+pub const HARDEN_ABOVE: f64 = 0.7;
 
 /// Request to a designer: the task and its limits, the agent's failures, and the outcomes of earlier layouts.
 #[derive(Debug, Clone)]
@@ -57,11 +62,44 @@ pub struct LevelMastery {
     pub q90: f64,
 }
 
+/// Rung of a task for which layouts are designed.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct DesignRung {
+    /// Level of the params; `None` if they belong to no level.
+    pub level: Option<u32>,
+    /// Value of the param `start_scale`, 0.01 to 1; `None` in tasks without start rungs.
+    pub start_scale: Option<f64>,
+}
+
+impl DesignRung {
+    /// Creates the rung of a task from the level and the number of the start rung with which a layout is stored. Numbers out of range
+    /// are left out.
+    #[must_use]
+    pub fn from_stored(task: &dyn TaskSpec, level: Option<i64>, start_rung: Option<i64>) -> Self {
+        let scale = |rung: i64| task.start_rungs().get(usize::try_from(rung).ok()?).copied();
+        Self {
+            level: level.and_then(|level| u32::try_from(level).ok()),
+            start_scale: start_rung.and_then(scale),
+        }
+    }
+}
+
+/// The parts of the rung that are known, such as `level 3, start scale 0.5`; empty if none is.
+impl fmt::Display for DesignRung {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let level = self.level.map(|level| format!("level {level}"));
+        let scale = self.start_scale.map(|scale| format!("start scale {scale}"));
+        f.write_str(&level.into_iter().chain(scale).collect::<Vec<_>>().join(", "))
+    }
+}
+
 /// Layout of an earlier request.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PastLayout {
     /// Design in the language of its world.
     pub design: Value,
+    /// Rung for which it was designed.
+    pub rung: DesignRung,
     /// Seed of the scenario; `None` if the gate refused the layout.
     pub seed: Option<Seed>,
     /// Outcome of the layout so far.
@@ -97,6 +135,19 @@ pub enum LayoutOutcome {
 }
 
 impl LayoutOutcome {
+    /// Returns the mean of the posterior Beta(1 + successes, 1 + failures) over the agent's success rate, (1 + s)/(2 + n) after s
+    /// successes in n episodes (Laplace's rule of succession); `None` without episodes.
+    #[must_use]
+    pub fn mean_success(&self) -> Option<f64> {
+        match self {
+            Self::Evaluated { episodes, success_rate, .. } => {
+                let n = f64::from(*episodes);
+                Some((1.0 + success_rate * n) / (2.0 + n))
+            }
+            Self::Refused { .. } | Self::Untested => None,
+        }
+    }
+
     /// Returns the regret that the aimed failure mode caused; `None` without episodes. A high value makes the layout a good
     /// parent of new designs.
     #[must_use]
@@ -132,6 +183,14 @@ impl DesignBrief {
         self.level = Some(level);
         self.param_choices = choices_around(levels, level);
         self
+    }
+
+    /// Returns the rung at which layouts are wanted.
+    #[must_use]
+    pub fn rung(&self) -> DesignRung {
+        let has_start_rungs = !self.recipe.task().start_rungs().is_empty();
+        let start_scale = self.recipe.param(START_SCALE.name).filter(|_| has_start_rungs);
+        DesignRung { level: self.level, start_scale }
     }
 
     /// Returns the `number`-th base scenario of the brief, in which a design can be built.
@@ -178,4 +237,34 @@ fn choices_around(levels: &Levels, level: u32) -> Vec<ParamChoice> {
         ParamChoice { param: name.clone(), values }
     };
     levels.columns().iter().map(choice).filter(|choice| choice.values.len() > 1).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rungs_name_level_and_start_scale() {
+        let task = env_core::task("docking/single").unwrap();
+        let scales = task.start_rungs();
+        let text = |level, start_rung| DesignRung::from_stored(task, level, start_rung).to_string();
+        assert_eq!(text(Some(3), Some(0)), format!("level 3, start scale {}", scales[0]));
+        assert_eq!([text(Some(3), None), text(Some(-1), Some(scales.len() as i64))], ["level 3", ""]);
+        let recipe = Recipe::at_level(task, 2).unwrap().with_param(START_SCALE.name, 0.25).unwrap();
+        let brief = DesignBrief::new(Arc::new(recipe), 1, 1).at_level(task.levels(), 2);
+        assert_eq!(brief.rung().to_string(), "level 2, start scale 0.25");
+    }
+
+    /// Laplace's rule: one success and one failure more than was observed.
+    #[test]
+    fn mean_success_shrinks_to_one_half() {
+        let mean = |episodes, success_rate| {
+            let (regret, aimed_share, is_retired) = (0.0, None, false);
+            let outcome =
+                LayoutOutcome::Evaluated { episodes, success_rate, regret, aimed_share, is_retired };
+            outcome.mean_success()
+        };
+        assert_eq!([mean(2, 0.0), mean(8, 1.0), mean(4, 0.5)], [Some(0.25), Some(0.9), Some(0.5)]);
+        assert_eq!(LayoutOutcome::Untested.mean_success(), None);
+    }
 }

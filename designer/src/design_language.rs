@@ -107,7 +107,7 @@ pub trait DesignLanguage: Sync {
 /// Texts of the prompts of one world. A change of any of them needs a new version.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PromptTexts {
-    /// World and version, such as `kessler-2`, by which a layout is traceable to its prompt.
+    /// World and version, such as `kessler-3`, by which a layout is traceable to its prompt.
     pub version: &'static str,
     /// Template of the system message. `{{rules}}` stands for the rules of the language.
     pub system: &'static str,

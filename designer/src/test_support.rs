@@ -82,7 +82,7 @@ pub(crate) fn count_children(
         is_retired: false,
     };
     let seed = Some(parent.scenario().seed());
-    let past_layouts = vec![PastLayout { design: design.clone(), seed, outcome }];
+    let past_layouts = vec![PastLayout { design: design.clone(), rung: brief.rung(), seed, outcome }];
     let brief = DesignBrief { past_layouts, count, ..brief.clone() };
     let next = ProceduralDesigner::design_layouts(&brief, &mut Gate::new(language, vec![design.clone()]));
     let admitted = next.judged.iter().filter(|judged| judged.verdict.is_ok());

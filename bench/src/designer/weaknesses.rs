@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use anyhow::{Context, ensure};
-use designer::brief::{DesignBrief, LayoutOutcome, PastLayout};
+use designer::brief::{DesignBrief, DesignRung, LayoutOutcome, PastLayout};
 use designer::kessler::Design;
 use designer::kessler::agents::{Weakness, agent};
 use designer::procedural::ProceduralDesigner;
@@ -269,5 +269,6 @@ fn run_on_layout(
         aimed_share,
         is_retired: false,
     };
-    Ok(PastLayout { design: design_json, seed: Some(scenario.seed()), outcome })
+    let rung = DesignRung { level: Some(LEVEL), start_scale: None };
+    Ok(PastLayout { design: design_json, rung, seed: Some(scenario.seed()), outcome })
 }

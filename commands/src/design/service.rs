@@ -6,7 +6,7 @@ use api_types::{
 };
 use curriculum::{Settings, TaskPlan};
 use designer::FailureProfile;
-use designer::brief::{LayoutOutcome, LevelMastery, PastLayout};
+use designer::brief::{DesignRung, LayoutOutcome, LevelMastery, PastLayout};
 use env_core::Seed;
 use serde::Deserialize;
 use serde_json::Value;
@@ -33,6 +33,7 @@ struct DesignedRun {
 pub(super) async fn past_layouts(api: &ApiClient, run: &str, task: &str) -> anyhow::Result<Vec<PastLayout>> {
     let page: DesignPage =
         api.get(&format!("/v1/runs/{run}/designs?task={task}&limit={MAX_LISTED_DESIGNS}")).await?;
+    let known = env_core::task(task);
     let mut past = Vec::new();
     for head in
         page.designs.into_iter().filter(|head| head.state != DesignState::Refused).take(MAX_PAST_LAYOUTS)
@@ -40,6 +41,9 @@ pub(super) async fn past_layouts(api: &ApiClient, run: &str, task: &str) -> anyh
         let layout: Layout = api.get(&format!("/v1/layouts/{}", head.id)).await?;
         let Some(design) = layout.design else { continue };
         let sky = layout.scenario.get("seed").and_then(Value::as_u64).and_then(|seed| Seed::new(seed).ok());
+        let rung = known.map_or_else(DesignRung::default, |known| {
+            DesignRung::from_stored(known, head.level, head.start_rung)
+        });
         let fate = match (head.results.success, head.results.regret) {
             (Some(success), Some(regret)) => LayoutOutcome::Evaluated {
                 episodes: u32::try_from(head.results.episodes).unwrap_or(u32::MAX),
@@ -50,7 +54,7 @@ pub(super) async fn past_layouts(api: &ApiClient, run: &str, task: &str) -> anyh
             },
             _ => LayoutOutcome::Untested,
         };
-        past.push(PastLayout { design, seed: sky, outcome: fate });
+        past.push(PastLayout { design, rung, seed: sky, outcome: fate });
     }
     Ok(past)
 }

@@ -24,8 +24,8 @@ impl WorldLanguage for DockingLanguage {
     type Design = DockingDesign;
 
     const PROMPT: PromptTexts = PromptTexts {
-        version: "docking-1",
-        system: include_str!("../../prompts/docking-1/system.md"),
+        version: "docking-2",
+        system: include_str!("../../prompts/docking-2/system.md"),
         unknown_failures: "The failures of the agent are unknown: vary aims, distances, directions and speeds.",
         profile_columns: "bearing in degrees from the deputy to what it hit (0 radial out, 90 in-track, sectors of 30) | relative speed | \
                           steps left to act",

@@ -26,8 +26,8 @@ impl WorldLanguage for KesslerLanguage {
     type Design = Design;
 
     const PROMPT: PromptTexts = PromptTexts {
-        version: "kessler-2",
-        system: include_str!("../../prompts/kessler-2/system.md"),
+        version: "kessler-3",
+        system: include_str!("../../prompts/kessler-3/system.md"),
         unknown_failures: "The failures of the agent are unknown: vary aims, bearings, speeds and satellites.",
         profile_columns: "bearing in degrees (frame radial_in_track, sectors of 30) | relative speed | steps left to act",
     };

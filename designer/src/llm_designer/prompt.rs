@@ -7,7 +7,9 @@ use llm::{Message, Role, sanitize_line_to};
 use serde_json::Value;
 
 use crate::angles::sector_middle_deg;
-use crate::brief::{DesignBrief, LayoutOutcome, ParamChoice, PastLayout};
+use crate::brief::{
+    DesignBrief, DesignRung, EASE_BELOW, HARDEN_ABOVE, LayoutOutcome, ParamChoice, PastLayout,
+};
 use crate::design_language::{DesignLanguage, PromptTexts};
 use crate::profile::{FailureProfile, ModeProfile};
 use crate::refusal::Refusal;
@@ -51,7 +53,7 @@ pub fn opening(brief: &DesignBrief, language: &dyn DesignLanguage, count: usize)
         USER,
         &[
             ("task", task.id().to_owned()),
-            ("level", brief.level.map_or_else(String::new, |level| format!(", level {level}"))),
+            ("rung", wanted_rung_text(brief)),
             ("about", task.description().to_owned()),
             ("params", params_text(brief)),
             ("limits", choices_text(&language.param_choices(brief))),
@@ -59,6 +61,8 @@ pub fn opening(brief: &DesignBrief, language: &dyn DesignLanguage, count: usize)
             ("profile", profile_text(&brief.profile, task.speed_bands(), texts)),
             ("fates", past_layouts_text(&brief.past_layouts, language)),
             ("count", count_text(count)),
+            ("ease_below", EASE_BELOW.to_string()),
+            ("harden_above", HARDEN_ABOVE.to_string()),
         ],
     );
     vec![Message::new(Role::System, system), Message::new(Role::User, user)]
@@ -123,6 +127,16 @@ fn params_text(brief: &DesignBrief) -> String {
         format!("{} {}{unit}", spec.name, brief.param(spec.name))
     };
     brief.recipe.task().params().iter().map(param).collect::<Vec<_>>().join(", ")
+}
+
+/// Returns the rung at which layouts are wanted.
+fn wanted_rung_text(brief: &DesignBrief) -> String {
+    let rung = brief.rung();
+    match rung.start_scale {
+        Some(_) => format!("{rung} (starts at scale 1 are the hardest)"),
+        None if rung.level.is_some() => format!("{rung} (level 0 is the easiest)"),
+        None => "the difficulty of the params".to_owned(),
+    }
 }
 
 fn choices_text(choices: &[&ParamChoice]) -> String {
@@ -249,15 +263,17 @@ fn past_layout_text(past: &PastLayout, language: &dyn DesignLanguage) -> String 
         }
         LayoutOutcome::Untested => "admitted, without episodes".to_owned(),
         LayoutOutcome::Evaluated { episodes, success_rate, aimed_share, is_retired, .. } => {
+            let p = past.outcome.mean_success().unwrap_or_default();
             let retired = if *is_retired { ", retired" } else { "" };
             let aimed = aimed_share
                 .map(|share| format!("; {} of its failures were of the aimed mode", percent(share)));
             let aimed = aimed.unwrap_or_default();
             format!(
-                "admitted; the agent succeeded in {} of {episodes} episodes{aimed}{retired}",
+                "admitted; p = {p:.2}: the agent succeeded in {} of {episodes} episodes{aimed}{retired}",
                 percent(*success_rate)
             )
         }
     };
-    format!("- {name}, aim {mode}{place}: {outcome}")
+    let rung = if past.rung == DesignRung::default() { String::new() } else { format!(", {}", past.rung) };
+    format!("- {name}{rung}, aim {mode}{place}: {outcome}")
 }

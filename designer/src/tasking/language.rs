@@ -26,8 +26,8 @@ impl WorldLanguage for TaskingLanguage {
     type Design = TaskingDesign;
 
     const PROMPT: PromptTexts = PromptTexts {
-        version: "tasking-1",
-        system: include_str!("../../prompts/tasking-1/system.md"),
+        version: "tasking-2",
+        system: include_str!("../../prompts/tasking-2/system.md"),
         unknown_failures: "The failures of the agent are unknown: vary aims, orbits, resources and fields.",
         profile_columns: "orbit angle in degrees (from local noon, sectors of 30) | - | -",
     };

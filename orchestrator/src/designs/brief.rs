@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use designer::brief::{DesignBrief, LayoutOutcome, PastLayout};
+use designer::brief::{DesignBrief, DesignRung, LayoutOutcome, PastLayout};
 use env_core::Seed;
 use serde_json::Value;
 use sqlx::SqliteConnection;
@@ -85,6 +85,7 @@ async fn past_layouts(
         };
         past_layouts.push(PastLayout {
             design: from_json("a design", design)?,
+            rung: DesignRung::from_stored(request.recipe.task(), row.level, row.start_rung),
             seed,
             outcome: outcome_of(&row),
         });

@@ -6,6 +6,7 @@ use proptest::prelude::*;
 
 use super::approach::any_deputy;
 use super::*;
+use crate::brief::{DesignRung, LayoutOutcome, PastLayout};
 use crate::docking::{DockingAim, DockingDesign, compile};
 use crate::test_support::prompt_text;
 
@@ -187,8 +188,16 @@ fn prompt_for_a_team() {
     let mut brief = brief_at_level("docking/multiagent", 4, 1);
     brief.profile = aimed_profile("docking/multiagent", "collision");
     let past = json!({"name": "together", "aim": {"mode": "collision", "bearing_deg": 90}});
-    let outcome = crate::brief::LayoutOutcome::Untested;
-    brief.past_layouts = vec![crate::brief::PastLayout { design: past, seed: None, outcome }];
+    let evaluated = LayoutOutcome::Evaluated {
+        episodes: 14,
+        success_rate: 13.0 / 14.0,
+        regret: 0.1,
+        aimed_share: None,
+        is_retired: false,
+    };
+    let rung = DesignRung { level: Some(4), start_scale: Some(0.6) };
+    let layout = |outcome| PastLayout { design: past.clone(), rung, seed: None, outcome };
+    brief.past_layouts = [LayoutOutcome::Untested, evaluated].map(layout).to_vec();
     insta::assert_snapshot!(prompt_text(&brief, 2));
     insta::assert_json_snapshot!(language().schema(&brief));
 }

@@ -1,7 +1,7 @@
 //! Prompts, word for word.
 
 use super::*;
-use crate::brief::{LayoutOutcome, LevelMastery, PastLayout};
+use crate::brief::{DesignRung, LayoutOutcome, LevelMastery, PastLayout};
 use crate::profile::{FailureCell, ModeProfile, SectorWeight};
 use crate::test_support::prompt_text;
 
@@ -88,7 +88,10 @@ fn past_layouts() -> Vec<PastLayout> {
             refused("it is too much like \"y\n- z\", which is known already"),
         ),
     ];
-    past_layouts.map(|(name, outcome)| PastLayout { design: design(name), seed: None, outcome }).to_vec()
+    let rung = DesignRung { level: Some(3), start_scale: None };
+    past_layouts
+        .map(|(name, outcome)| PastLayout { design: design(name), rung, seed: None, outcome })
+        .to_vec()
 }
 
 #[test]
@@ -103,6 +106,7 @@ fn past_layouts_with_episodes_come_first() {
     let mut brief = detailed_brief();
     let past = |name: String, outcome: &LayoutOutcome| PastLayout {
         design: json!({ "name": name }),
+        rung: DesignRung::default(),
         seed: None,
         outcome: outcome.clone(),
     };

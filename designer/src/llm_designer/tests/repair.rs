@@ -23,7 +23,7 @@ async fn rejected_layouts_return_with_the_gates_reasons() {
     assert_eq!(rounds, [(1, true), (1, false), (2, true)]);
     let usage = &designed.usage;
     assert_eq!((usage.tokens_in, usage.tokens_out), (200, 100));
-    assert_eq!((usage.model.as_deref(), usage.prompt.as_deref()), (Some("small"), Some("kessler-2")));
+    assert_eq!((usage.model.as_deref(), usage.prompt.as_deref()), (Some("small"), Some("kessler-3")));
     // Only the rejected layout is sent back, with the gate's own words.
     let messages = requests[1]["messages"].as_array().unwrap();
     let roles: Vec<_> = messages.iter().map(|m| m["role"].as_str().unwrap()).collect();

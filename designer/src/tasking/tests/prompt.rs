@@ -17,7 +17,7 @@ fn prompt_for_a_known_agent() {
         aimed_share: Some(0.5),
         is_retired: false,
     };
-    brief.past_layouts = vec![PastLayout { design, seed: None, outcome }];
+    brief.past_layouts = vec![PastLayout { design, rung: brief.rung(), seed: None, outcome }];
     insta::assert_snapshot!(prompt_text(&brief, 2));
     insta::assert_json_snapshot!(empty_gate().language().schema(&brief));
 }

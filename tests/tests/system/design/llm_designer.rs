@@ -87,7 +87,7 @@ async fn model_designs_layouts_and_its_key_is_never_exposed() {
     let request = request_design(&api, json!({"count": 2, "designer": "llm"})).await;
     assert_eq!(
         (&request["model"], &request["prompt_version"]),
-        (&json!("mock"), &json!("kessler-2")),
+        (&json!("mock"), &json!("kessler-3")),
         "{request}"
     );
     assert_eq!((&request["tokens_in"], &request["tokens_out"]), (&json!(1500), &json!(300)), "{request}");
