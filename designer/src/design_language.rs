@@ -5,6 +5,7 @@ use env_core::{KeyedRng, Scenario};
 use serde_json::Value;
 
 use crate::brief::{DesignBrief, ParamChoice};
+use crate::edit_direction::EditDirection;
 use crate::field_error::FieldError;
 use crate::refusal::{Refusal, RefusalWords};
 
@@ -89,9 +90,16 @@ pub trait DesignLanguage: Sync {
     /// Samples a design from the failure profile of the brief; `None` if nothing fits the base scenario.
     fn sample(&self, brief: &DesignBrief, base: &Scenario, rng: &mut KeyedRng) -> Option<Value>;
 
-    /// Applies a few random edits to a design; `None` if no edit fits the base scenario.
-    fn edit(&self, design: &Value, brief: &DesignBrief, base: &Scenario, rng: &mut KeyedRng)
-    -> Option<Value>;
+    /// Applies a few random edits to a design; `None` if no edit fits the base scenario. With a direction, the edits make the
+    /// layout easier or harder, or change parts that do not decide its difficulty.
+    fn edit(
+        &self,
+        design: &Value,
+        brief: &DesignBrief,
+        base: &Scenario,
+        direction: Option<EditDirection>,
+        rng: &mut KeyedRng,
+    ) -> Option<Value>;
 
     /// Returns the place of a design's aim as part of a prompt, such as `from 90 degrees`; `None` if it has none. The design may
     /// be invalid, and its text is untrusted.

@@ -20,6 +20,7 @@ mod design_language;
 mod designer;
 mod distance_parts;
 pub mod docking;
+mod edit_direction;
 mod field_error;
 #[doc(hidden)]
 pub mod fuzzing;
@@ -47,6 +48,7 @@ pub use self::bound::Bound;
 pub use self::brief::DesignBrief;
 pub use self::design_language::{DesignLanguage, DesignTable, LayoutKind, LayoutView, PromptTexts};
 pub use self::designer::{DesignError, DesignFuture, DesignOutcome, DesignUsage, Designer, JudgedLayout};
+pub use self::edit_direction::EditDirection;
 pub use self::field_error::FieldError;
 pub use self::gate::{AdmittedLayout, Gate};
 pub use self::mutation::Mutation;

@@ -1,5 +1,5 @@
-//! [`ProceduralDesigner`]: samples designs from the failure profile and edits successful ones. It needs no network and never
-//! fails, so that it can replace any other designer.
+//! [`ProceduralDesigner`]: samples designs from the failure profile and edits earlier ones, to easier and harder siblings where
+//! the agent almost always fails or succeeds. It needs no network and never fails, so that it can replace any other designer.
 
 use env_core::keyed_rng::RngPurpose;
 use env_core::{KeyedRng, Scenario};
@@ -9,6 +9,7 @@ use tokio::time::Instant;
 use crate::brief::{DesignBrief, PastLayout};
 use crate::design_language::DesignLanguage;
 use crate::designer::{DesignFuture, DesignOutcome, DesignUsage, Designer, JudgedLayout};
+use crate::edit_direction::EditDirection;
 use crate::gate::Gate;
 
 /// Maximum number of attempts per requested layout.
@@ -132,7 +133,7 @@ struct Attempt {
     design: Option<Value>,
 }
 
-/// Makes the `number`-th design of a brief: an edit of a parent, or a new sample.
+/// Makes the `number`-th design of a brief: an edit of a parent, in the direction that its success rate asks for, or a new sample.
 fn attempt(
     brief: &DesignBrief,
     language: &dyn DesignLanguage,
@@ -144,7 +145,8 @@ fn attempt(
     let parent = rng.weighted_index(&parents.weights).map(|index| parents.layouts[index]);
     if let Some(parent) = parent.filter(|_| is_edit) {
         let base = parent.seed.map_or_else(|| brief.base_scenario(number), |seed| brief.scenario(seed));
-        let design = language.edit(&parent.design, brief, &base, &mut rng);
+        let direction = parent.outcome.mean_success().and_then(EditDirection::of_success);
+        let design = language.edit(&parent.design, brief, &base, direction, &mut rng);
         Attempt { base, design }
     } else {
         let base = brief.base_scenario(number);

@@ -4,12 +4,14 @@ use env_core::admission::is_success;
 use env_core::keyed_rng::RngPurpose;
 use env_core::rollout::replay;
 use env_core::{KeyedRng, Scenario, SuccessRule};
+use serde_json::Value;
 
 use crate::brief::{LayoutOutcome, PastLayout};
 use crate::procedural::ProceduralDesigner;
 use crate::profile::{FailureCell, ModeProfile};
 use crate::{
-    AdmittedLayout, DesignBrief, DesignLanguage, FailureProfile, Gate, MIN_NOVELTY, design_language,
+    AdmittedLayout, DesignBrief, DesignLanguage, EditDirection, FailureProfile, Gate, MIN_NOVELTY,
+    design_language,
 };
 
 /// Asserts that a page has a table with these rows after the comment `<!-- mark -->`.
@@ -54,13 +56,32 @@ pub(crate) fn count_edits(language: &dyn DesignLanguage, brief: &DesignBrief, at
     let mut design = language.sample(brief, &base, &mut rng).unwrap();
     let mut edits = 0;
     for _ in 0..attempts {
-        let Some(child) = language.edit(&design, brief, &base, &mut rng) else { continue };
+        let Some(child) = language.edit(&design, brief, &base, None, &mut rng) else { continue };
         assert_ne!(child, design);
         assert_eq!(language.parse(&child, brief).unwrap(), child);
         edits += 1;
         design = child;
     }
     edits
+}
+
+/// Samples designs, and returns each with a sibling in a direction, as (parent, sibling). All siblings are canonical.
+pub(crate) fn siblings(
+    language: &dyn DesignLanguage,
+    brief: &DesignBrief,
+    direction: EditDirection,
+    count: u64,
+) -> Vec<[Value; 2]> {
+    let pair = |number: u64| {
+        let mut rng = KeyedRng::new(RngPurpose::Design, 1, number);
+        let base = brief.base_scenario(number);
+        let parent = language.sample(brief, &base, &mut rng)?;
+        let sibling = language.edit(&parent, brief, &base, Some(direction), &mut rng)?;
+        assert_eq!(language.parse(&sibling, brief).unwrap(), sibling);
+        assert_ne!(sibling, parent);
+        Some([parent, sibling])
+    };
+    (0..count).filter_map(pair).collect()
 }
 
 /// Designs layouts, and then more with the first one as the only earlier layout, which the agent always fails. Returns how many of

@@ -11,6 +11,7 @@ use serde_json::Value;
 use crate::brief::{DesignBrief, ParamChoice};
 use crate::design_fields::{check_mode, check_params};
 use crate::design_language::{DesignLanguage, DesignTable, LayoutKind, LayoutView, PromptTexts};
+use crate::edit_direction::EditDirection;
 use crate::field_error::FieldError;
 use crate::refusal::{Refusal, RefusalWords};
 
@@ -67,6 +68,7 @@ pub(crate) trait WorldLanguage: Sync {
         design: &Self::Design,
         brief: &DesignBrief,
         base: &Scenario,
+        direction: Option<EditDirection>,
         rng: &mut KeyedRng,
     ) -> Option<Self::Design>;
     fn aim_place(design: &Value) -> Option<String>;
@@ -144,10 +146,11 @@ impl<L: WorldLanguage> DesignLanguage for L {
         design: &Value,
         brief: &DesignBrief,
         base: &Scenario,
+        direction: Option<EditDirection>,
         rng: &mut KeyedRng,
     ) -> Option<Value> {
         let design = parse_for::<L>(design, brief).ok()?;
-        L::edit(&design, brief, base, rng).map(|design| L::to_json(&design))
+        L::edit(&design, brief, base, direction, rng).map(|design| L::to_json(&design))
     }
 
     fn aim_place(&self, design: &Value) -> Option<String> {

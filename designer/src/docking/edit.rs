@@ -29,21 +29,33 @@ const EDITS: [StartEdit; 8] = [
     change_param,
 ];
 
-/// Returns a design after two to four edits, if it passes all checks before the planner in the base scenario; `None` if no
-/// attempt succeeds.
+/// Returns a design after two to four edits; `None` if no attempt leads to a design that passes all checks before the planner in
+/// the base scenario.
 pub(super) fn edit_design(
     design: &DockingDesign,
     brief: &DesignBrief,
     base: &Scenario,
     rng: &mut KeyedRng,
 ) -> Option<DockingDesign> {
+    retry_edits(design, base, rng, |child, rng| {
+        for _ in 0..rng.range_inclusive(2, 4) {
+            EDITS[rng.below(EDITS.len() as u32) as usize](child, brief, rng);
+        }
+    })
+}
+
+/// Returns a copy of a design that `edit` changed, if it passes all checks before the planner in the base scenario; `None` if no
+/// attempt succeeds.
+pub(super) fn retry_edits(
+    design: &DockingDesign,
+    base: &Scenario,
+    rng: &mut KeyedRng,
+    edit: impl Fn(&mut DockingDesign, &mut KeyedRng),
+) -> Option<DockingDesign> {
     (0..MAX_ATTEMPTS).find_map(|_| {
         let mut child = design.clone();
         child.name.clear();
-        for _ in 0..rng.range_inclusive(2, 4) {
-            let edit = EDITS[rng.below(EDITS.len() as u32) as usize];
-            edit(&mut child, brief, rng);
-        }
+        edit(&mut child, rng);
         let is_changed = child.deputies != design.deputies || child.params != design.params;
         (is_changed && is_playable(&child, base)).then_some(child)
     })
@@ -56,7 +68,7 @@ fn pick<'a>(design: &'a mut DockingDesign, rng: &mut KeyedRng) -> Option<&'a mut
 }
 
 /// Turns all deputies and the aim around the chief by up to 20 degrees.
-fn turn_all(design: &mut DockingDesign, _: &DesignBrief, rng: &mut KeyedRng) {
+pub(super) fn turn_all(design: &mut DockingDesign, _: &DesignBrief, rng: &mut KeyedRng) {
     let angle = draw_change(20, rng) as f64;
     let turn = |azimuth_deg: i32| i32::from(whole_degrees(f64::from(azimuth_deg) + angle));
     design.aim.bearing_deg = design.aim.bearing_deg.map(turn);
@@ -64,7 +76,7 @@ fn turn_all(design: &mut DockingDesign, _: &DesignBrief, rng: &mut KeyedRng) {
 }
 
 /// Turns one deputy by up to 15 degrees.
-fn turn_one(design: &mut DockingDesign, _: &DesignBrief, rng: &mut KeyedRng) {
+pub(super) fn turn_one(design: &mut DockingDesign, _: &DesignBrief, rng: &mut KeyedRng) {
     if let Some(deputy) = pick(design, rng) {
         deputy.azimuth_deg = AZIMUTH.turn(deputy.azimuth_deg, 15, rng);
         deputy.elevation_deg = ELEVATION.jitter(deputy.elevation_deg, 15, rng);
@@ -95,7 +107,7 @@ fn change_cross_speed(design: &mut DockingDesign, _: &DesignBrief, rng: &mut Key
 }
 
 /// Adds a copy of a deputy beside it, if the brief allows one more.
-fn add_deputy(design: &mut DockingDesign, brief: &DesignBrief, rng: &mut KeyedRng) {
+pub(super) fn add_deputy(design: &mut DockingDesign, brief: &DesignBrief, rng: &mut KeyedRng) {
     if !DeputyCounts::of(brief).contains(design.deputies.len() + 1) {
         return;
     }
@@ -108,7 +120,7 @@ fn add_deputy(design: &mut DockingDesign, brief: &DesignBrief, rng: &mut KeyedRn
 }
 
 /// Removes a deputy, if the brief allows one fewer.
-fn remove_deputy(design: &mut DockingDesign, brief: &DesignBrief, rng: &mut KeyedRng) {
+pub(super) fn remove_deputy(design: &mut DockingDesign, brief: &DesignBrief, rng: &mut KeyedRng) {
     let count = design.deputies.len();
     if count > 1 && DeputyCounts::of(brief).contains(count - 1) {
         design.deputies.remove(rng.below(count as u32) as usize);

@@ -9,9 +9,10 @@ use serde_json::Value;
 use super::aim::{DeputyCounts, allowed_aims};
 use super::design::DockingDesign;
 use super::vocabulary::effective_choices;
-use super::{checks, edit, novelty, picture, sample, schema, table};
+use super::{checks, edit, novelty, picture, sample, schema, siblings, table};
 use crate::brief::{DesignBrief, ParamChoice};
 use crate::design_language::{DesignTable, LayoutKind, LayoutView, PromptTexts};
+use crate::edit_direction::EditDirection;
 use crate::field_error::FieldError;
 use crate::refusal::{Refusal, RefusalWords};
 use crate::world_language::WorldLanguage;
@@ -116,9 +117,13 @@ impl WorldLanguage for DockingLanguage {
         design: &DockingDesign,
         brief: &DesignBrief,
         base: &Scenario,
+        direction: Option<EditDirection>,
         rng: &mut KeyedRng,
     ) -> Option<DockingDesign> {
-        edit::edit_design(design, brief, base, rng)
+        match direction {
+            None => edit::edit_design(design, brief, base, rng),
+            Some(direction) => siblings::edit_sibling(design, brief, base, direction, rng),
+        }
     }
 
     fn table(design: &DockingDesign) -> DesignTable {

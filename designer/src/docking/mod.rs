@@ -3,7 +3,7 @@
 //! - `vocabulary` and [`design`] define what a design can say, `aim` what it can aim at.
 //! - `approach` has the closed-form quantities of a start, on which aims and checks depend.
 //! - [`compile`](fn@compile) builds a layout, `checks` keeps it fair.
-//! - `sample` and `edit` make designs, `formation` places deputies beside each other, `mutate` edits scenarios that have no
+//! - `sample` and `edit` make designs, `siblings` easier and harder ones, `formation` places deputies beside each other, `mutate` edits scenarios that have no
 //!   design.
 //! - `schema` describes the language to a language model, `table` and `picture` show a design to people.
 //!
@@ -22,6 +22,7 @@ mod novelty;
 mod picture;
 mod sample;
 mod schema;
+mod siblings;
 mod table;
 #[cfg(test)]
 mod tests;

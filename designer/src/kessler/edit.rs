@@ -9,7 +9,7 @@ use super::placement::can_place;
 use super::vocabulary::{KindSpec, MAX_ENCOUNTERS, SATELLITE, SPEED, STEP};
 use crate::angles::whole_degrees;
 use crate::bound::draw_change;
-use crate::brief::DesignBrief;
+use crate::brief::{DesignBrief, ParamChoice};
 use crate::mutation::set_random_param;
 
 /// Maximum number of attempts to edit a design.
@@ -31,32 +31,40 @@ const EDITS: [DesignEdit; 9] = [
     change_param,
 ];
 
-/// Returns a design after two to four edits, if all its encounters are possible in the base scenario; `None` if no attempt
-/// succeeds.
+/// Returns a design after two to four edits; `None` if no attempt leads to a design that is possible in the base scenario.
 pub(super) fn edit_design(
     design: &Design,
     brief: &DesignBrief,
     base: &Scenario,
     rng: &mut KeyedRng,
 ) -> Option<Design> {
+    retry_edits(design, base, rng, |child, rng| {
+        let count = rng.range_inclusive(2, 4);
+        let edits = (0..count).filter(|_| EDITS[rng.below(EDITS.len() as u32) as usize](child, brief, rng));
+        edits.count() > 0
+    })
+}
+
+/// Returns a copy of a design that `edit` changed, if all its encounters are possible in the base scenario; `None` if no attempt
+/// succeeds. `edit` returns false if it does not apply.
+pub(super) fn retry_edits(
+    design: &Design,
+    base: &Scenario,
+    rng: &mut KeyedRng,
+    edit: impl Fn(&mut Design, &mut KeyedRng) -> bool,
+) -> Option<Design> {
     let coast = CoastPaths::of_scenario(base)?;
-    for _ in 0..MAX_ATTEMPTS {
+    (0..MAX_ATTEMPTS).find_map(|_| {
         let mut child = design.clone();
         child.name.clear();
-        let count = rng.range_inclusive(2, 4);
-        let applied = (0..count).filter(|_| {
-            let edit = EDITS[rng.range_inclusive(0, EDITS.len() as u32 - 1) as usize];
-            edit(&mut child, brief, rng)
-        });
-        if applied.count() == 0 || child.encounters == design.encounters && child.params == design.params {
-            continue;
-        }
-        let frame = child.frame;
-        if all_distinct(&child.encounters) && child.encounters.iter().all(|e| can_place(e, frame, &coast)) {
-            return Some(child);
-        }
-    }
-    None
+        let is_edited = edit(&mut child, rng);
+        let is_changed = child.encounters != design.encounters || child.params != design.params;
+        let is_possible = |child: &Design| {
+            let frame = child.frame;
+            all_distinct(&child.encounters) && child.encounters.iter().all(|e| can_place(e, frame, &coast))
+        };
+        (is_edited && is_changed && is_possible(&child)).then_some(child)
+    })
 }
 
 /// Returns true if no encounter occurs twice.
@@ -71,7 +79,7 @@ pub(super) fn pick<'a>(design: &'a mut Design, rng: &mut KeyedRng) -> Option<&'a
 }
 
 /// Rotates the bearings of all encounters and of the aim by up to 12 degrees.
-fn rotate_all(design: &mut Design, _: &DesignBrief, rng: &mut KeyedRng) -> bool {
+pub(super) fn rotate_all(design: &mut Design, _: &DesignBrief, rng: &mut KeyedRng) -> bool {
     let rotation_deg = draw_change(12, rng) as f64;
     let rotate = |bearing: u32| u32::from(whole_degrees(f64::from(bearing) + rotation_deg));
     design.aim.bearing_deg = design.aim.bearing_deg.map(rotate);
@@ -108,7 +116,7 @@ pub(super) fn change_miss_distance(design: &mut Design, _: &DesignBrief, rng: &m
 }
 
 /// Adds a copy of an encounter at another step, if the debris param leaves room.
-fn duplicate_encounter(design: &mut Design, brief: &DesignBrief, rng: &mut KeyedRng) -> bool {
+pub(super) fn duplicate_encounter(design: &mut Design, brief: &DesignBrief, rng: &mut KeyedRng) -> bool {
     duplicate_within(design, MAX_ENCOUNTERS.min(brief.param("debris") as usize), rng)
 }
 
@@ -139,14 +147,19 @@ pub(super) fn change_satellite(design: &mut Design, _: &DesignBrief, rng: &mut K
     pick(design, rng).map(|e| e.satellite = rng.range_inclusive(SATELLITE.min, SATELLITE.max)).is_some()
 }
 
-/// Sets a param to one of its choices. The debris param is left out: it makes room for the encounters anyway.
-fn change_param(design: &mut Design, brief: &DesignBrief, rng: &mut KeyedRng) -> bool {
-    let choices: Vec<_> = brief
+/// Returns the params that an edit may set. The debris param is left out: it makes room for the encounters anyway.
+pub(super) fn editable_params(brief: &DesignBrief) -> Vec<&ParamChoice> {
+    brief
         .param_choices
         .iter()
         .filter(|choice| choice.param != "debris")
         .filter(|choice| choice.param != "rogue_probability" || allows_rogues(brief))
-        .collect();
+        .collect()
+}
+
+/// Sets a param to one of its choices.
+fn change_param(design: &mut Design, brief: &DesignBrief, rng: &mut KeyedRng) -> bool {
+    let choices = editable_params(brief);
     set_random_param(&mut design.params, &choices, rng);
     !choices.is_empty()
 }

@@ -10,9 +10,10 @@ use super::aim::{allowed_aims, allows_rogues, check_aim, has_threat};
 use super::compile::compile;
 use super::design::Design;
 use super::vocabulary::FRAMES;
-use super::{checks, edit, novelty, picture, sample, schema, table};
+use super::{checks, edit, novelty, picture, sample, schema, siblings, table};
 use crate::brief::DesignBrief;
 use crate::design_language::{DesignTable, LayoutKind, LayoutView, PromptTexts};
+use crate::edit_direction::EditDirection;
 use crate::field_error::FieldError;
 use crate::refusal::{Refusal, RefusalWords};
 use crate::untrusted_text::identifier;
@@ -112,8 +113,17 @@ impl WorldLanguage for KesslerLanguage {
         sample::sample_design(brief, base, rng)
     }
 
-    fn edit(design: &Design, brief: &DesignBrief, base: &Scenario, rng: &mut KeyedRng) -> Option<Design> {
-        edit::edit_design(design, brief, base, rng)
+    fn edit(
+        design: &Design,
+        brief: &DesignBrief,
+        base: &Scenario,
+        direction: Option<EditDirection>,
+        rng: &mut KeyedRng,
+    ) -> Option<Design> {
+        match direction {
+            None => edit::edit_design(design, brief, base, rng),
+            Some(direction) => siblings::edit_sibling(design, brief, base, direction, rng),
+        }
     }
 
     fn table(design: &Design) -> DesignTable {

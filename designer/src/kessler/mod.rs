@@ -2,7 +2,7 @@
 //!
 //! - `vocabulary` and [`design`] define what a design can say, `aim` what it can aim at.
 //! - `placement` places the body of one encounter, [`compile`](fn@compile) builds a whole layout.
-//! - `sample` and `edit` make designs, `mutate` edits scenarios that have no design.
+//! - `sample` and `edit` make designs, `siblings` easier and harder ones, `mutate` edits scenarios that have no design.
 //! - `schema` describes the language to a language model, `table` and `picture` show a design to people.
 //! - [`agents`] are scripted agents with known weaknesses, for checks and benchmarks.
 //!
@@ -22,6 +22,7 @@ mod picture;
 mod placement;
 mod sample;
 mod schema;
+mod siblings;
 mod table;
 #[cfg(test)]
 mod tests;

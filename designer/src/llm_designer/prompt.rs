@@ -133,7 +133,7 @@ fn params_text(brief: &DesignBrief) -> String {
 fn wanted_rung_text(brief: &DesignBrief) -> String {
     let rung = brief.rung();
     match rung.start_scale {
-        Some(_) => format!("{rung} (starts at scale 1 are the hardest)"),
+        Some(_) => format!("{rung} (a smaller start scale is easier)"),
         None if rung.level.is_some() => format!("{rung} (level 0 is the easiest)"),
         None => "the difficulty of the params".to_owned(),
     }

@@ -34,35 +34,44 @@ const EDITS: [TaskingEdit; 12] = [
     change_param,
 ];
 
-/// Returns a design after two to four edits, if it still matches its aim in the base scenario; `None` if no attempt succeeds.
+/// Returns a design after two to four edits; `None` if no attempt leads to a design that matches its aim in the base scenario.
 pub(super) fn edit_design(
     design: &TaskingDesign,
     brief: &DesignBrief,
     base: &Scenario,
     rng: &mut KeyedRng,
 ) -> Option<TaskingDesign> {
-    for _ in 0..MAX_ATTEMPTS {
+    retry_edits(design, base, rng, |child, rng| {
+        for _ in 0..rng.range_inclusive(2, 4) {
+            EDITS[rng.below(EDITS.len() as u32) as usize](child, brief, rng);
+        }
+    })
+}
+
+/// Returns a copy of a design that `edit` changed, if it still matches its aim in the base scenario; `None` if no attempt succeeds.
+pub(super) fn retry_edits(
+    design: &TaskingDesign,
+    base: &Scenario,
+    rng: &mut KeyedRng,
+    edit: impl Fn(&mut TaskingDesign, &mut KeyedRng),
+) -> Option<TaskingDesign> {
+    (0..MAX_ATTEMPTS).find_map(|_| {
         let mut child = design.clone();
-        let count = rng.range_inclusive(2, 4);
-        for _ in 0..count {
-            EDITS[rng.below(EDITS.len() as u32) as usize](&mut child, brief, rng);
-        }
-        if child != *design && build_design(&child, base).is_ok() {
-            child.name.clear();
-            return Some(child);
-        }
-    }
-    None
+        edit(&mut child, rng);
+        let is_changed = child != *design;
+        child.name.clear();
+        (is_changed && build_design(&child, base).is_ok()).then_some(child)
+    })
 }
 
 /// Moves the epoch by up to 25 days and 90 minutes.
-fn shift_epoch(design: &mut TaskingDesign, _: &DesignBrief, rng: &mut KeyedRng) {
+pub(super) fn shift_epoch(design: &mut TaskingDesign, _: &DesignBrief, rng: &mut KeyedRng) {
     design.start.day = DAY.turn(design.start.day, 25, rng);
     design.start.utc_minute = UTC_MINUTE.turn(design.start.utc_minute, 90, rng);
 }
 
 /// Turns the ascending node by up to two hours of local time.
-fn turn_node(design: &mut TaskingDesign, _: &DesignBrief, rng: &mut KeyedRng) {
+pub(super) fn turn_node(design: &mut TaskingDesign, _: &DesignBrief, rng: &mut KeyedRng) {
     design.start.node_hour = NODE_HOUR.turn(design.start.node_hour, 2, rng);
 }
 
@@ -99,7 +108,7 @@ fn toggle_outage(design: &mut TaskingDesign, brief: &DesignBrief, rng: &mut Keye
 }
 
 /// Returns a random field; `None` if there is none.
-fn pick<'a>(design: &'a mut TaskingDesign, rng: &mut KeyedRng) -> Option<&'a mut TargetField> {
+pub(super) fn pick<'a>(design: &'a mut TaskingDesign, rng: &mut KeyedRng) -> Option<&'a mut TargetField> {
     let count = u32::try_from(design.fields.len()).ok().filter(|count| *count > 0)?;
     design.fields.get_mut(rng.below(count) as usize)
 }

@@ -11,9 +11,10 @@ use super::aim::allowed_aims;
 use super::build::build_design;
 use super::design::TaskingDesign;
 use super::params::choices;
-use super::{edit, novelty, picture, sample, schema, table};
+use super::{edit, novelty, picture, sample, schema, siblings, table};
 use crate::brief::{DesignBrief, ParamChoice};
 use crate::design_language::{DesignTable, LayoutKind, LayoutView, PromptTexts};
+use crate::edit_direction::EditDirection;
 use crate::field_error::FieldError;
 use crate::refusal::{Refusal, RefusalWords};
 use crate::world_language::WorldLanguage;
@@ -107,9 +108,13 @@ impl WorldLanguage for TaskingLanguage {
         design: &TaskingDesign,
         brief: &DesignBrief,
         base: &Scenario,
+        direction: Option<EditDirection>,
         rng: &mut KeyedRng,
     ) -> Option<TaskingDesign> {
-        edit::edit_design(design, brief, base, rng)
+        match direction {
+            None => edit::edit_design(design, brief, base, rng),
+            Some(direction) => siblings::edit_sibling(design, brief, base, direction, rng),
+        }
     }
 
     fn table(design: &TaskingDesign) -> DesignTable {

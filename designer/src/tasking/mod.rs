@@ -3,7 +3,7 @@
 //! - `vocabulary` and [`design`] define what a design can say, `aim` what it can aim at.
 //! - `field` places the targets of a field, [`compile`](fn@compile) builds a whole layout, and `facts` computes what the aim is checked
 //!   against: shadow, passes and windows.
-//! - `sample` and `edit` make designs, `mutate` edits scenarios that have no design.
+//! - `sample` and `edit` make designs, `siblings` easier and harder ones, `mutate` edits scenarios that have no design.
 //! - `schema` describes the language to a language model, `table` and `picture` show a design to people.
 //!
 //! Start reading at `language`, which puts them together.
@@ -24,6 +24,7 @@ mod picture;
 mod sample;
 mod sample_parts;
 mod schema;
+mod siblings;
 mod table;
 #[cfg(test)]
 mod tests;

@@ -124,7 +124,7 @@ fn edited_designs_are_canonical_and_changed() {
     let mut design = language().sample(&brief, &base, &mut rng).unwrap();
     let mut edited = 0;
     for _ in 0..200 {
-        let Some(child) = language().edit(&design, &brief, &base, &mut rng) else { continue };
+        let Some(child) = language().edit(&design, &brief, &base, None, &mut rng) else { continue };
         assert_ne!(child, design);
         assert_eq!(language().parse(&child, &brief).unwrap(), child);
         assert!(language().build(&child, &base).is_ok());

@@ -4,6 +4,7 @@ mod approach;
 mod documentation;
 mod gate;
 mod language;
+mod siblings;
 
 use std::sync::Arc;
 

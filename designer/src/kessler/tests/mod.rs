@@ -5,6 +5,7 @@ mod documentation;
 mod fuzz;
 mod gate;
 mod mutate;
+mod siblings;
 
 use std::collections::BTreeMap;
 

@@ -6,6 +6,7 @@ mod fuzz;
 mod gate;
 mod mutate;
 mod prompt;
+mod siblings;
 
 use std::sync::Arc;
 
