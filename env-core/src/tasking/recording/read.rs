@@ -40,6 +40,17 @@ pub fn number_of(value: &Value, name: &str) -> ReadResult<f64> {
     number(member(value, name)?).map_err(|error| format!("`{name}`: {error}"))
 }
 
+/// The whole number of a member, up to a largest one.
+///
+/// # Errors
+/// Returns an error with the name if it is missing, not a whole number, negative or larger.
+pub fn count_of(value: &Value, name: &str, most: usize) -> ReadResult<usize> {
+    let count = whole(member(value, name)?).and_then(|count| usize::try_from(count).ok());
+    count
+        .filter(|count| *count <= most)
+        .ok_or_else(|| format!("`{name}` is not a whole number from 0 to {most}"))
+}
+
 /// The truth value of a member.
 ///
 /// # Errors

@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use super::read::{
-    ReadResult, flag_of, list_of, member, number, number_of, numbers, text_of, texts_of, vector_of,
+    ReadResult, count_of, flag_of, list_of, member, number, number_of, numbers, text_of, texts_of, vector_of,
 };
 use crate::tasking::access::OpportunityKind;
 use crate::tasking::clock::TickLength;
@@ -20,6 +20,9 @@ use crate::tasking::setup::environment::{
 };
 use crate::tasking::setup::{ArgValue, Atmosphere, DynamicsModel, SatelliteArgs, Setup, SoftwareModel};
 use crate::tasking::time::Epoch;
+
+/// Largest number of opportunities that an action or an observation may look ahead. The lists are as long, whatever there is to see.
+const MOST_AHEAD: usize = 10_000;
 
 /// Reads the set-up of a recording under a gravity model.
 ///
@@ -206,7 +209,7 @@ fn read_action(action: &Value) -> ReadResult<ActionSpec> {
     let class = text_of(action, "type")?;
     let software = match class {
         "Image" => {
-            let targets = number_of(action, "n_ahead_image")? as usize;
+            let targets = count_of(action, "n_ahead_image", MOST_AHEAD)?;
             return Ok(ActionSpec::Image { name, targets, max_duration_s: duration("max_duration")? });
         }
         "Broadcast" => return Ok(ActionSpec::Broadcast { name, duration_s: duration("duration")? }),
@@ -245,7 +248,7 @@ fn read_observation_item(item: &Value) -> ReadResult<ObservationItem> {
                 "ground_station" => OpportunityKind::GroundStation,
                 other => return Err(format!("opportunities of type `{other}` are not supported")),
             },
-            count: number_of(item, "n_ahead_observe")? as usize,
+            count: count_of(item, "n_ahead_observe", MOST_AHEAD)?,
             properties: read_properties(item, |name| OpportunityProperty::from_name(name).map_err(text))?,
         },
         "Time" => ObservationItem::Time {
@@ -272,4 +275,38 @@ fn read_properties<P>(
             })
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    /// Values that are no number of opportunities.
+    fn no_counts() -> [Value; 7] {
+        [json!(10_001), json!(1e17), json!(-1), json!(2.5), json!("inf"), json!("10"), Value::Null]
+    }
+
+    #[test]
+    fn opportunities_ahead_are_bounded() {
+        let observation = |count: &Value| {
+            let properties = json!([{"prop": "priority", "norm": 1.0, "name": "priority"}]);
+            json!({
+                "type": "OpportunityProperties", "opportunity_type": "target", "n_ahead_observe": count,
+                "properties": properties,
+            })
+        };
+        let image = |count: &Value| json!({"type": "Image", "name": "image", "n_ahead_image": count, "max_duration": null});
+        for count in [json!(1), json!(10.0), json!(10_000)] {
+            assert!(read_observation_item(&observation(&count)).is_ok(), "{count}");
+            assert!(read_action(&image(&count)).is_ok(), "{count}");
+        }
+        for count in no_counts() {
+            let error = read_observation_item(&observation(&count)).unwrap_err();
+            assert_eq!(error, "`n_ahead_observe` is not a whole number from 0 to 10000", "{count}");
+            let error = read_action(&image(&count)).unwrap_err();
+            assert_eq!(error, "`n_ahead_image` is not a whole number from 0 to 10000", "{count}");
+        }
+    }
 }
