@@ -185,7 +185,8 @@ fn options(path: &Path) -> Result<SqliteConnectOptions, OpenError> {
 }
 
 async fn connect_readers(path: &Path, options: SqliteConnectOptions) -> Result<SqlitePool, OpenError> {
-    SqlitePoolOptions::new()
+    let fault = |error: sqlx::Error| OpenError::from_sqlx(path, &error);
+    let readers = SqlitePoolOptions::new()
         // All are opened now and stay open: one that is opened after the file was replaced would use another file together with
         // the write-ahead log of this one, and could delete that log (sqlite.org/howtocorrupt.html, 1.4).
         .min_connections(READERS)
@@ -196,7 +197,14 @@ async fn connect_readers(path: &Path, options: SqliteConnectOptions) -> Result<S
         .test_before_acquire(false) // a file does not disconnect, and the test is a round trip between two threads
         .connect_with(options.pragma("query_only", "ON").pragma("cache_size", READER_CACHE))
         .await
-        .map_err(|error| OpenError::from_sqlx(path, &error))
+        .map_err(fault)?;
+    // A task of the pool opens some of them, which may not have ended yet.
+    let mut opened = Vec::new();
+    for _ in 0..READERS {
+        opened.push(readers.acquire().await.map_err(fault)?);
+    }
+    drop(opened);
+    Ok(readers)
 }
 
 /// Opens readers also on a medium that cannot be written, for example a read-only copy. Nothing can change it.
