@@ -168,7 +168,7 @@ os.kill(os.getpid(), 9)
 
 def test_failed_reset_changes_nothing(tmp_path):
     db = tmp_path / "run.sqlite3"
-    owner, curriculum = remote_curriculum(db=db, form="groups", lease_groups=16, ahead=8, max_wait_s=0.5)
+    owner, curriculum = remote_curriculum(db=db, form="groups", lease_groups=16, ahead=8, max_wait_s=2.0)
     envs = make_envs(curriculum, 16)
     step_randomly(envs, 20)
     kill_server(owner)
