@@ -39,7 +39,7 @@ test("a staircase shows its rungs with draws, chains and success", async () => {
   const { page, problems } = await openRun("staircase");
   const now = panel(page, "Sampler of single: staircase");
   await now.getByText("chains").first().waitFor();
-  const chart = now.getByRole("img", { name: "Proposals and success of single by start scale; most of" });
+  const chart = now.getByRole("img", { name: "Proposals and success of single by start scale; the most" });
   await chart.locator("circle").first().waitFor();
   expect(await chart.locator("rect").first().locator("title").textContent()).toMatch(
     /^start scale 0\.\d+: \d+(\.\d)? % of the proposals$/,
