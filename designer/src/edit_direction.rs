@@ -43,6 +43,24 @@ impl EditDirection {
 /// Edit of a design `D` that makes its layout easier or harder. It changes nothing if it does not apply.
 pub(crate) type DifficultyEdit<D> = fn(&mut D, &DesignBrief, EditDirection, &mut KeyedRng);
 
+/// Edits a design to a sibling: one or two neutral edits, which keep it from being too similar to its parent, and one to three in a
+/// direction. Each edit of a kind is as likely as the others; what a neutral edit returns is ignored.
+pub(crate) fn apply_sibling_edits<D, R>(
+    design: &mut D,
+    brief: &DesignBrief,
+    direction: EditDirection,
+    rng: &mut KeyedRng,
+    neutral_edits: &[fn(&mut D, &DesignBrief, &mut KeyedRng) -> R],
+    edits: &[DifficultyEdit<D>],
+) {
+    for _ in 0..rng.range_inclusive(1, 2) {
+        neutral_edits[rng.below(neutral_edits.len() as u32) as usize](design, brief, rng);
+    }
+    for _ in 0..rng.range_inclusive(1, 3) {
+        edits[rng.below(edits.len() as u32) as usize](design, brief, direction, rng);
+    }
+}
+
 /// Sets one of the params of a design to the next easier or harder one of its choices; nothing changes if there is none.
 pub(crate) fn step_param(
     params: &mut BTreeMap<String, f64>,

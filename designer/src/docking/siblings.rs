@@ -6,7 +6,7 @@ use super::design::DockingDesign;
 use super::edit::{add_deputy, remove_deputy, retry_edits, turn_all, turn_one};
 use super::vocabulary::{CLOSING, CROSS, DISTANCE, effective_choices};
 use crate::brief::DesignBrief;
-use crate::edit_direction::{DifficultyEdit, EditDirection, step_param};
+use crate::edit_direction::{DifficultyEdit, EditDirection, apply_sibling_edits, step_param};
 
 /// Edits in a direction, each as likely as the others.
 const EDITS: [DifficultyEdit<DockingDesign>; 3] = [change_approach, change_count, change_param];
@@ -24,12 +24,7 @@ pub(super) fn edit_sibling(
     rng: &mut KeyedRng,
 ) -> Option<DockingDesign> {
     retry_edits(design, base, rng, |child, rng| {
-        for _ in 0..rng.range_inclusive(1, 2) {
-            NEUTRAL_EDITS[rng.below(NEUTRAL_EDITS.len() as u32) as usize](child, brief, rng);
-        }
-        for _ in 0..rng.range_inclusive(1, 3) {
-            EDITS[rng.below(EDITS.len() as u32) as usize](child, brief, direction, rng);
-        }
+        apply_sibling_edits(child, brief, direction, rng, &NEUTRAL_EDITS, &EDITS);
     })
 }
 

@@ -8,7 +8,7 @@ use super::edit::{
 };
 use super::vocabulary::{KindSpec, SPEED, STEP};
 use crate::brief::DesignBrief;
-use crate::edit_direction::{DifficultyEdit, EditDirection, step_param};
+use crate::edit_direction::{DifficultyEdit, EditDirection, apply_sibling_edits, step_param};
 
 /// Edits in a direction, each as likely as the others.
 const EDITS: [DifficultyEdit<Design>; 5] =
@@ -28,12 +28,7 @@ pub(super) fn edit_sibling(
     rng: &mut KeyedRng,
 ) -> Option<Design> {
     retry_edits(design, base, rng, |child, rng| {
-        for _ in 0..rng.range_inclusive(1, 2) {
-            NEUTRAL_EDITS[rng.below(NEUTRAL_EDITS.len() as u32) as usize](child, brief, rng);
-        }
-        for _ in 0..rng.range_inclusive(1, 3) {
-            EDITS[rng.below(EDITS.len() as u32) as usize](child, brief, direction, rng);
-        }
+        apply_sibling_edits(child, brief, direction, rng, &NEUTRAL_EDITS, &EDITS);
         true
     })
 }
