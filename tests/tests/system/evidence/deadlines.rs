@@ -9,10 +9,10 @@ async fn deadlines_stand_still_while_a_run_is_paused() {
     let server = EvidenceServer::start();
     let api = server.api();
     create_run(&api, "run", json!({})).await;
-    let lease = api.lease("run", json!({"groups": 4, "ttl_s": 2})).await;
+    let lease = api.lease("run", json!({"groups": 4, "ttl_s": 5})).await;
     let path = format!("/v1/runs/run/leases/{}", lease.id());
     let _ = api.post("/v1/runs/run/pause", json!({})).await.expect(200);
-    tokio::time::sleep(std::time::Duration::from_millis(3000)).await;
+    tokio::time::sleep(std::time::Duration::from_millis(6000)).await;
     let results: Vec<Value> = hold_results(&lease).into_iter().map(|(result, _)| result).collect();
     let report = api.report("run", results[..2].to_vec()).await;
     assert_eq!(report["results"][0]["status"], "counted", "the lease is not over: {report}");

@@ -52,10 +52,10 @@ async fn renewed_group_is_missing_once_later_results_wait() {
     let server = EvidenceServer::start();
     let api = server.api();
     create_run(&api, "run", json!({})).await;
-    let withheld = api.lease("run", json!({"groups": 1, "ttl_s": 2})).await;
+    let withheld = api.lease("run", json!({"groups": 1, "ttl_s": 6})).await;
     let renew = format!("/v1/runs/run/leases/{}/renew", withheld.id());
     let started = std::time::Instant::now();
-    while started.elapsed() < std::time::Duration::from_millis(2500) {
+    while started.elapsed() < std::time::Duration::from_millis(6500) {
         let _ = api.post(&renew, json!({})).await.expect(200);
         tokio::time::sleep(std::time::Duration::from_millis(300)).await;
     }

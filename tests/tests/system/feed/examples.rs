@@ -58,8 +58,9 @@ async fn columns_example_is_accepted_unless_forged() {
 async fn groups_example_reports_and_renews() {
     let server = Server::start().await;
     let api = server.api();
-    // A lease takes about as long as its time to live, so that the example renews it; a group takes an eighth of that.
-    let args = ["--url", api.base(), "--rounds", "2", "--groups", "6", "--group-size", "40", "--ttl", "4"];
+    // A lease takes about as long as its time to live, so that the example renews it. A group takes a sixtieth of that, so that
+    // a slow machine does not lose the lease during a group.
+    let args = ["--url", api.base(), "--rounds", "2", "--groups", "60", "--group-size", "4", "--ttl", "4"];
     let stdout = successful_stdout(&run_example(Path::new("python3"), "groups.py", &args).await);
     assert_eq!(
         stdout.lines().filter(|line| line.contains("240 episodes, mean score 0.")).count(),
