@@ -167,6 +167,10 @@ class Environment(gymnasium.Env[Any, Any]):
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Runs one step of the world.
 
+        Args:
+            action: An action of the action space. A discrete action of a single agent may also be its index alone. None holds,
+                as the whole action or as the action of one agent.
+
         Returns:
             The observation, the team's reward, terminated (no agent is left, by the rules of the task), truncated (the
             horizon cut off an agent), and info with `score` so far and `alerts`, messages about the step.
@@ -177,7 +181,7 @@ class Environment(gymnasium.Env[Any, Any]):
         """
         if not self._is_running:
             raise ResetNeeded("no episode is running: call reset() first")
-        observation, rewards, terminations, truncations, ended = self._native.step(self._fill_holds(action))
+        observation, rewards, terminations, truncations, ended = self._native.step(self._complete_action(action))
         self._history.append(self._native.last_actions()[0])
         self._batch.count_step(ended)
         info = {"score": self._batch.score, "alerts": self._native.alerts(0), **self._batch.times()}
@@ -187,10 +191,12 @@ class Environment(gymnasium.Env[Any, Any]):
         terminated, truncated = bool(terminations[0]), bool(truncations[0])
         return self._layout.view(observation, single=True), float(rewards[0]), terminated, truncated, info
 
-    def _fill_holds(self, action: Any) -> Any:
-        """Replaces None, as an action of all agents or of one, by hold."""
+    def _complete_action(self, action: Any) -> Any:
+        """Replaces None, as an action of all agents or of one, by hold, and an index by the list of one agent's index."""
         if action is None:
             return self._hold
+        if self._hold.shape == (1,) and isinstance(action, (int, np.integer)) and not isinstance(action, bool):
+            return [action]
         if isinstance(action, (list, tuple)) and len(action) == len(self._hold):
             pairs = zip(action, self._hold, strict=True)
             return [hold if chosen is None else chosen for chosen, hold in pairs]

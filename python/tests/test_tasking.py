@@ -74,6 +74,21 @@ def test_none_goes_on_as_minus_one_does() -> None:
     assert other.state_hash() != hashes[0]
 
 
+def test_single_satellite_takes_an_index() -> None:
+    hashes = []
+    for action, rest in ((0, -1), ([0], None), (np.int64(0), [-1])):
+        env = make_env("tasking/scanning")
+        env.reset(seed=5)
+        env.step(action)
+        env.step(rest)
+        hashes.append(env.state_hash())
+    assert len(set(hashes)) == 1
+    env = make_env("tasking/constellation")
+    env.reset(seed=5)
+    with pytest.raises(ValueError, match="actions"):
+        env.step(0)
+
+
 def test_hold_of_other_worlds_is_none_as_well() -> None:
     hashes = []
     for action in (None, np.zeros((3, 2), np.float32)):
@@ -84,7 +99,7 @@ def test_hold_of_other_worlds_is_none_as_well() -> None:
     assert hashes[0] == hashes[1]
 
 
-@pytest.mark.parametrize("action", [[4], [-2], [0.5], ["scan"], 0, [[0]], [0, 0]])
+@pytest.mark.parametrize("action", [[4], [-2], [0.5], ["scan"], 4, -2, True, [[0]], [0, 0]])
 def test_invalid_actions_change_nothing(action: Any) -> None:
     env = make_env("tasking/scanning")
     env.reset(seed=2)

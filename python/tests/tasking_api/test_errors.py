@@ -40,6 +40,14 @@ def test_unknown_arguments_are_key_errors():
         randomized.reset(seed=1)
 
 
+@pytest.mark.parametrize("n_targets", [-4, (3, 3), (-1, 4)])
+def test_numbers_of_targets_are_checked(n_targets):
+    with pytest.raises(ValueError, match="`n_targets` must be"):
+        scene.UniformTargets(n_targets)
+    with pytest.raises(ValueError, match="`n_targets` must be"):
+        scene.CityTargets(n_targets)
+
+
 def test_seeds_of_numpys_generator_are_accepted(env):
     with pytest.raises(ValueError, match=r"from 0 to 2\*\*32 - 1, got"):
         env.reset(seed=2**32)

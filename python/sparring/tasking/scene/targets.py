@@ -72,6 +72,9 @@ class UniformTargets(Scenario):
 
     `n_targets` is a number or a range, of which the end never occurs, as in BSK-RL.
     `priority_distribution` draws priorities, by default between 0 and 1. `radius` is in m.
+
+    Raises:
+        ValueError: `n_targets` is negative, or a range without a number.
     """
 
     def __init__(
@@ -80,6 +83,9 @@ class UniformTargets(Scenario):
         priority_distribution: Callable[[], float] | None = None,
         radius: float = REQ_EARTH * 1e3,
     ) -> None:
+        smallest, end = (n_targets, n_targets + 1) if isinstance(n_targets, int) else n_targets
+        if smallest < 0 or end <= smallest:
+            raise ValueError(f"`n_targets` must be a number >= 0 or a range (first, end) with first < end, got {n_targets!r}")
         self._n_targets = n_targets
         if priority_distribution is None:
             priority_distribution = _uniform
