@@ -3,6 +3,8 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use crate::SeriesResolution;
+
 /// Samplers of all tasks of a run, with the course of their draws in a window.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct RunSampler {
@@ -12,9 +14,8 @@ pub struct RunSampler {
     pub from: String,
     /// End of the window, RFC 3339.
     pub to: String,
-    /// Width of a point of the course, seconds: a multiple of 60, or of 3 600 if the window starts earlier than a week ago or a point
-    /// is longer than an hour.
-    pub width_s: i64,
+    /// Part that a point of the course covers, as in the series of the run.
+    pub resolution: SeriesResolution,
     /// One entry for each task of the run.
     pub tasks: Vec<TaskSampler>,
 }
@@ -38,7 +39,19 @@ pub struct TaskSampler {
     /// positions.
     pub quartiles: Option<[f64; 3]>,
     /// Start of each point of the course, Unix time in seconds. Points without results are left out.
-    pub at: Vec<i64>,
+    pub at: Vec<f64>,
+    /// End of each point, Unix time in seconds.
+    pub until: Vec<f64>,
+    /// Number of the task's episodes before each point; null if points are minutes or hours.
+    pub first_episode: Vec<Option<i64>>,
+    /// Number of the task's environment steps before each point; null if points are minutes or hours.
+    pub first_step: Vec<Option<i64>>,
+    /// Number of the task's finished and claimed episodes in each point.
+    pub episodes: Vec<i64>,
+    /// Number of the task's environment steps in each point; null if points are minutes or hours.
+    pub steps: Vec<Option<i64>>,
+    /// Highest policy version of the episodes; null if points are minutes or hours.
+    pub version_high: Vec<Option<i64>>,
     /// Rungs of the task, easiest first; empty if the strategy draws params.
     pub rungs: Vec<SamplerRung>,
 }

@@ -4,6 +4,8 @@
 
 use api_types as api;
 
+use crate::queries::run_series;
+
 use store::{
     columns, curriculum, design_requests, episodes, evaluations, events, groups, layouts, leases,
     run_warnings, runs,
@@ -54,5 +56,6 @@ convert_enum!(api::LeaseDisclosure => leases::Disclosure { Lease, Begin });
 convert_enum!(leases::LeaseForm => api::LeaseForm { Groups, Columns });
 convert_enum!(leases::LeaseStatus => api::LeaseStatus { Active, Done, Released, Expired });
 convert_enum!(run_warnings::WarningKind => api::RunWarningKind { RefusedClaim, UnprovenClaim });
+convert_enum!(run_series::SeriesResolution => api::SeriesResolution { Episodes, Minutes, Hours });
 convert_enum!(::curriculum::RungKind => api::RungKind { Start, Level });
 convert_enum!(runs::RunStatus => api::RunStatus { Active, Paused });

@@ -256,6 +256,8 @@ pub struct FinishedEpisode {
     pub reference: f64,
     /// Version of the policy that ran the episode.
     pub policy_version: i64,
+    /// Number of its environment steps.
+    pub steps: i64,
 }
 
 /// Reads the results of finished episodes among a span, in order.
@@ -267,8 +269,8 @@ pub async fn finished(
     span: EpisodeSpan,
 ) -> Result<Vec<FinishedEpisode>, StoreError> {
     let rows = query!(
-        r#"SELECT success AS "success: bool", skill, score, reference, policy_version FROM episodes
-           WHERE lease = ? AND number >= ? AND number < ? AND state = 'finished' ORDER BY number"#,
+        r#"SELECT success AS "success: bool", skill, score, reference, policy_version, outcome ->> '$.steps' AS "steps: i64"
+           FROM episodes WHERE lease = ? AND number >= ? AND number < ? AND state = 'finished' ORDER BY number"#,
         span.lease,
         span.from,
         span.to
@@ -281,6 +283,7 @@ pub async fn finished(
         score: r.score.unwrap_or(0.0),
         reference: r.reference.unwrap_or(0.0),
         policy_version: r.policy_version,
+        steps: r.steps.unwrap_or(0),
     });
     Ok(finished.collect())
 }

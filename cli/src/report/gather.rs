@@ -11,12 +11,12 @@ use ::curriculum::{Explanation, Mastery, SamplerState, TaskStatus};
 use clock::Millis;
 use orchestrator::engine::task_history::mastery_samples;
 use orchestrator::evaluations::read;
-use orchestrator::queries::current_mastery::update_last_points;
 use orchestrator::queries::run_progress::RunProgress;
+use orchestrator::queries::run_series::{SeriesContent, SeriesPoint, points_over_time};
 use store::curriculum::{self, LevelMoveRow};
 use store::evaluations::{self, EvaluationRow, EvaluationState};
 use store::failures::{self, FailureCell};
-use store::history::{self, HistoryPoint, HistoryWindow};
+use store::history::HistoryWindow;
 use store::layouts::{self, LayoutFilter, LayoutRow};
 use store::overview;
 use store::runs::{self, RunRow};
@@ -35,8 +35,6 @@ pub(super) struct RunReport {
     pub(super) row: RunRow,
     /// Time of the report.
     pub(super) now: Millis,
-    /// Width of a point of the curves, in milliseconds.
-    pub(super) point_width: Millis,
     /// Time range of the curves.
     pub(super) range: Range<Millis>,
     /// Finished episodes, including those on designed layouts and in accepted columns.
@@ -72,7 +70,7 @@ pub(super) struct TaskReport {
     /// Counters over all episodes except those of designed layouts and claimed columns.
     pub(super) sums: TaskCounters,
     /// Points of the curves.
-    pub(super) points: Vec<HistoryPoint>,
+    pub(super) points: Vec<SeriesPoint>,
     /// Level moves, the oldest first.
     pub(super) moves: Vec<LevelMoveRow>,
     /// Failures by mode and encounter.
@@ -89,8 +87,12 @@ pub(super) async fn gather(conn: &mut SqliteConnection, run: &str, now: Millis) 
     let progress = RunProgress::stored(&mut conn, run).await.context("the run's curriculum")?;
     let RunProgress { status, mastery, explanation, samplers, sums: plain, .. } = progress;
     let window = HistoryWindow::new(row.created_at, now, CURVE_POINTS, now);
-    let mut points = history::curve(&mut conn, run, window).await?;
-    update_last_points(&mut points, &mastery_samples(&status, &mastery));
+    let mut points =
+        points_over_time(&mut conn, run, window, CURVE_POINTS as usize, SeriesContent::Results).await?;
+    points.set_current_mastery(&mastery_samples(&status, &mastery));
+    let all = || points.tasks.values().flatten();
+    let begins = all().map(|point| point.from).min().unwrap_or(window.from);
+    let ends = all().map(|point| point.to).max().unwrap_or(window.to);
     let moves = all_moves(&mut conn, run).await?;
     let mut tasks = Vec::new();
     for status in status {
@@ -102,22 +104,19 @@ pub(super) async fn gather(conn: &mut SqliteConnection, run: &str, now: Millis) 
             sampler: samplers.iter().find(|sampler| of(&sampler.task)).cloned(),
             mastery: mastery.iter().find(|m| of(&m.task) && m.level == status.level).cloned(),
             sums: plain.get(&status.task).cloned().unwrap_or_default(),
-            points: points.iter().filter(|point| of(&point.task)).cloned().collect(),
+            points: points.tasks.get(&status.task).cloned().unwrap_or_default(),
             moves: moves.iter().filter(|row| of(&row.task)).cloned().collect(),
             failures,
             status,
         });
     }
     let episodes = overview::counts(&mut conn, run).await?.episodes;
-    let begins = points.iter().map(|point| point.start).min().unwrap_or(window.from);
-    let ends = points.iter().map(|point| point.start + window.width).max().unwrap_or(window.to);
     Ok(RunReport {
         episodes,
         explanation,
         tasks,
         layouts: hardest_layouts(&mut conn, run).await?,
         evaluations: complete_evaluations(&mut conn, run).await?,
-        point_width: window.width,
         range: begins..ends,
         now,
         row,

@@ -5,10 +5,11 @@ use std::collections::BTreeMap;
 use api_types::Estimate;
 use clock::{Millis, rfc3339};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
+use orchestrator::queries::run_series::SeriesPoint;
 use serde_json::Value;
 use store::curriculum::LevelMoveKind;
 use store::from_json;
-use store::history::{HistoryBucket, HistoryPoint};
+use store::history::HistoryBucket;
 use store::task_counters::TaskCounters;
 
 use super::chart::{BLUE, Chart, Curve, GREEN, Interval, LevelMark, MAUVE, ORANGE};
@@ -105,7 +106,7 @@ fn posterior(task: &TaskReport) -> String {
 }
 
 fn task_section(report: &RunReport, task: &TaskReport) -> anyhow::Result<Markup> {
-    let times: Vec<Millis> = task.points.iter().map(|point| point.start + report.point_width / 2).collect();
+    let times: Vec<Millis> = task.points.iter().map(|point| point.from.midpoint(point.to)).collect();
     let marks = level_marks(report, task);
     let of = |value: &dyn Fn(&HistoryBucket) -> Option<f64>| {
         task.points.iter().map(|point| value(&point.bucket)).collect::<Vec<_>>()
@@ -117,7 +118,7 @@ fn task_section(report: &RunReport, task: &TaskReport) -> anyhow::Result<Markup>
     };
     // Only the ladder moves by these thresholds.
     let thresholds: &[f64] = if report.explanation.strategy == "ladder" { &[0.3, 0.7] } else { &[] };
-    let interval = |point: &HistoryPoint| point.bucket.mastery.map(|s| Interval { low: s.q10, high: s.q90 });
+    let interval = |point: &SeriesPoint| point.bucket.mastery.map(|s| Interval { low: s.q10, high: s.q90 });
     let intervals = task.points.iter().map(interval).collect();
     let mastery = [
         Curve {

@@ -1,7 +1,7 @@
 /** Metrics that a trainer logged, as curves of charts. */
 import type { TrainerMetric } from "../lib/api-types";
 import { MIN_RELATIVE_WIDTH } from "./scale";
-import type { Interval } from "./time-range.svelte";
+import type { Interval } from "./shown-range.svelte";
 
 /** Axis of the charts: time of the report, or step of the trainer. */
 export type MetricAxis = "time" | "step";

@@ -1,6 +1,7 @@
 import { expect, test } from "vitest";
 import type { SamplerRung, TaskSampler } from "../lib/api-types";
 import { courseCells, courseCurves, labelInterval, rungLabel } from "./rungs";
+import { spans } from "./x-axis";
 
 function rung(number: number, groups: number[], success: (number | null)[]): SamplerRung {
   return {
@@ -27,16 +28,26 @@ const sampler: TaskSampler = {
   proposals: 6,
   quartiles: null,
   at: [60, 120],
+  until: [120, 180],
+  first_episode: [0, 4],
+  first_step: [0, 40],
+  episodes: [4, 2],
+  steps: [40, 20],
+  version_high: [0, 1],
   rungs: [rung(0, [3, 0], [1, null]), rung(1, [1, 2], [0.25, null])],
 };
 
 test("cells have the shares of their point", () => {
-  expect(courseCells(sampler)).toEqual([
-    { at: 60, rung: 0, groups: 3, share: 0.75, success: 1 },
-    { at: 60, rung: 1, groups: 1, share: 0.25, success: 0.25 },
-    { at: 120, rung: 1, groups: 2, share: 1, success: null },
+  const [first, second] = [
+    { from: 0, to: 4 },
+    { from: 4, to: 6 },
+  ];
+  expect(courseCells(sampler, spans("episodes", sampler, 0))).toEqual([
+    { place: first, until: 120, rung: 0, groups: 3, share: 0.75, success: 1 },
+    { place: first, until: 120, rung: 1, groups: 1, share: 0.25, success: 0.25 },
+    { place: second, until: 180, rung: 1, groups: 2, share: 1, success: null },
   ]);
-  expect(courseCells({ ...sampler, at: [], rungs: [] })).toEqual([]);
+  expect(courseCells({ ...sampler, rungs: [] }, [])).toEqual([]);
 });
 
 test("labels are start scales, or levels without them", () => {

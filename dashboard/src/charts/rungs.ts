@@ -2,11 +2,14 @@
 import type { RungKind, SamplerRung, TaskSampler } from "../lib/api-types";
 import { significant } from "../lib/format";
 import type { Curve } from "./series";
+import type { Span } from "./x-axis";
 
 /** Point of the course at a rung that has results. */
 export interface CourseCell {
-  /** Start of the point, in seconds since 1970. */
-  at: number;
+  /** Part of the axis that the point covers. */
+  place: Span;
+  /** End of the point, in seconds since 1970. */
+  until: number;
   /** Index of the rung. */
   rung: number;
   /** Number of groups with results. */
@@ -27,14 +30,16 @@ export function rungLabel({ rung, start_scale }: SamplerRung): string {
   return typeof start_scale === "number" ? significant(Number(start_scale.toPrecision(2))) : String(rung);
 }
 
-/** Returns the cells of the course, by time and rung. */
-export function courseCells({ at, rungs }: TaskSampler): CourseCell[] {
-  return at.flatMap((start, i) => {
+/** Returns the cells of the course, by point and rung. `places` are the parts of the axis that the points cover. */
+export function courseCells({ until, rungs }: TaskSampler, places: Span[]): CourseCell[] {
+  return places.flatMap((place, i) => {
     const all = rungs.reduce((sum, { groups }) => sum + (groups[i] ?? 0), 0);
     return rungs.flatMap(({ groups, group_success }, rung) => {
       const here = groups[i] ?? 0;
       const success = group_success[i] ?? null;
-      return here > 0 ? [{ at: start, rung, groups: here, share: here / all, success }] : [];
+      return here > 0
+        ? [{ place, until: until[i] ?? 0, rung, groups: here, share: here / all, success }]
+        : [];
     });
   });
 }

@@ -1,3 +1,5 @@
+import type { XAxis } from "./x-axis";
+
 /** Curve of a chart. */
 export interface Curve {
   label: string;
@@ -14,16 +16,16 @@ export interface Curve {
   stepped?: boolean;
 }
 
-/** Labelled time on a chart, for example of a level move. */
+/** Labelled position on a chart, for example of a level move. */
 export interface Marker {
-  /** Seconds since 1970. */
+  /** Position on the horizontal axis. */
   at: number;
   label: string;
   kind: "up" | "down" | "other";
 }
 
-/** Formats curves as comma-separated values; `x` has times in seconds since 1970, or steps. */
-export function csv(x: number[], curves: Curve[], xAxis: "time" | "step" = "time"): string {
+/** Formats curves as comma-separated values; `x` has the positions on the axis: seconds since 1970, or others. */
+export function csv(x: number[], curves: Curve[], xAxis: XAxis = "time"): string {
   const quoted = (text: string) => `"${text.replaceAll('"', '""')}"`;
   const columns = curves.flatMap((curve) => [
     { name: curve.label, values: curve.values },

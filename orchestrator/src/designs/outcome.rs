@@ -93,7 +93,7 @@ mod tests {
     use super::*;
 
     fn episode(score: f64, skill: Option<f64>) -> FinishedEpisode {
-        FinishedEpisode { success: true, skill, score, reference: 0.9, policy_version: 0 }
+        FinishedEpisode { success: true, skill, score, reference: 0.9, policy_version: 0, steps: 1 }
     }
 
     #[test]

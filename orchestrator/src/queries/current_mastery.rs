@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use store::history::{HistoryPoint, MasterySample};
+use store::history::MasterySample;
 use store::ids::RunId;
 
 use crate::engine::change::{ReadTx, StateQuery};
@@ -22,15 +22,5 @@ impl StateQuery for CurrentMastery {
     async fn read(self, tx: &mut ReadTx<'_>) -> Result<Self::Output, ServiceError> {
         let (state, _) = tx.run(self.run.as_str()).await?;
         Ok(current_mastery_samples(state))
-    }
-}
-
-/// Replaces the mastery of each task's last point by the current one: the stored sample may be some seconds older than the last results.
-pub fn update_last_points(points: &mut [HistoryPoint], current: &BTreeMap<String, MasterySample>) {
-    for at in 0..points.len() {
-        let is_last = points.get(at + 1).is_none_or(|next| next.task != points[at].task);
-        if let Some(sample) = current.get(&points[at].task).filter(|_| is_last) {
-            points[at].bucket.mastery = Some(*sample);
-        }
     }
 }

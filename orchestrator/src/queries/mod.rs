@@ -5,5 +5,6 @@
 pub mod current_mastery;
 pub mod mastery_gauges;
 pub mod run_progress;
+pub mod run_series;
 pub mod samplers;
 pub mod task_levels;

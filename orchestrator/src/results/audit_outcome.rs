@@ -71,6 +71,11 @@ impl AuditOutcome {
         if let Self::Replayed(replayed) = self { replayed.outcome.time_s } else { None }
     }
 
+    /// Number of environment steps of a replayed episode; 0 for others.
+    pub(crate) fn steps(&self) -> i64 {
+        if let Self::Replayed(replayed) = self { i64::from(replayed.outcome.steps) } else { 0 }
+    }
+
     /// Builds the outcome of a refused episode.
     pub(crate) fn refused(code: RefusalCode, detail: impl Into<String>) -> Self {
         Self::Refused(Refusal::new(code, detail))

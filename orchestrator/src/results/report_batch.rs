@@ -6,7 +6,7 @@ use api_types::{ReceiptStatus, RefusalCode, ResultReceipt};
 use store::critiques::{self, NewCritiqueJob};
 use store::episodes::{self, EpisodeRow, EpisodeState, ReportedResult, StoredLog};
 use store::groups::{self, GroupRow, GroupState};
-use store::history::DurationSum;
+use store::history::{HistoryBucket, VersionRange};
 use store::ids::RunId;
 use store::keys::{EpisodeKey, GroupKey};
 use store::leases::{self, LeaseRow, Purpose};
@@ -47,8 +47,8 @@ pub(crate) struct ReportBatch {
     changed: BTreeMap<GroupKey, GroupRow>,
     sums: BTreeMap<task_counters::TaskCountersKey, TaskCounters>,
     versions: BTreeMap<VersionKey, VersionCounters>,
-    /// Durations of the counted episodes, by task.
-    durations: BTreeMap<String, DurationSum>,
+    /// Durations, steps and policy versions of the counted episodes, by task.
+    history: BTreeMap<String, HistoryBucket>,
     /// Numbers of the episodes to criticise, by lease and task.
     to_criticise: BTreeMap<(i64, String), Vec<i64>>,
     newest_policy: i64,
@@ -128,7 +128,7 @@ impl ReportBatch {
                 if is_in_session {
                     self.group(&lease, key.number)?.abandoned += 1;
                 }
-                Ok(self.count(tx, &lease, &row, outcome.time_s()).await?)
+                Ok(self.count(tx, &lease, &row, &outcome).await?)
             }
             (false, true) => match self.compare(&lease, &row)? {
                 AuditCheck::Agrees => Ok(ReceiptStatus::Audited),
@@ -236,13 +236,13 @@ impl ReportBatch {
         Ok(check)
     }
 
-    /// Counts an episode into its group and the counters of its task. `time_s` is its duration, s, if steps differ in it.
+    /// Counts an episode into its group, the counters of its task and the history.
     async fn count(
         &mut self,
         tx: &mut WriteTx,
         lease: &LeaseRow,
         row: &EpisodeRow,
-        time_s: Option<f64>,
+        outcome: &AuditOutcome,
     ) -> Result<ReceiptStatus, ServiceError> {
         let state = tx.run(&lease.run).await?.state;
         let newest = state.policy_version.max(self.newest_policy).max(row.policy_version);
@@ -281,8 +281,11 @@ impl ReportBatch {
                 version.episodes += 1;
                 version.successes += sums.successes;
                 version.score_sum += sums.score_sum;
-                if let Some(time_s) = time_s {
-                    self.durations.entry(key.task.clone()).or_default().add(time_s);
+                let history = self.history.entry(key.task.clone()).or_default();
+                history.steps += outcome.steps();
+                history.add_versions(Some(VersionRange::of(row.policy_version)));
+                if let Some(time_s) = outcome.time_s() {
+                    history.durations.add(time_s);
                 }
                 self.to_criticise.entry((lease.id, key.task.clone())).or_default().push(row.number);
             }
@@ -334,8 +337,8 @@ impl ReportBatch {
         for (key, sums) in &self.sums {
             tx.task_counts(run, &key.task).add(sums, key.level);
         }
-        for (task, durations) in &self.durations {
-            tx.task_counts(run, task).durations.join(*durations);
+        for (task, part) in &self.history {
+            tx.task_counts(run, task).join(part);
         }
         policy_versions::add(&mut tx.conn, run, &self.versions, tx.now).await?;
         let jobs = self.to_criticise.iter().flat_map(|((lease, task), numbers)| {

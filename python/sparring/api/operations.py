@@ -537,32 +537,64 @@ class Mastery:
         return response
 
     def get_sampler(
-        self, run: str, *, from_: str | None = None, to: str | None = None, points: int | None = None
+        self,
+        run: str,
+        *,
+        by: Literal["time", "episodes"] | None = None,
+        from_: str | None = None,
+        to: str | None = None,
+        from_episode: int | None = None,
+        to_episode: int | None = None,
+        points: int | None = None,
     ) -> types.RunSampler:
         """Get the sampler of each task of a run: the rungs it draws, the success there, and the course of both.
 
         Args:
-            from_: Start of the window, RFC 3339 (default: start of the run).
-            to: End of the window, RFC 3339 (default: now).
+            by: Quantity that the points divide: `time` (default) or the `episodes` of each task.
+            from_: Start of the window of time, RFC 3339 (default: start of the run). Not with `by=episodes`.
+            to: End of the window of time, RFC 3339 (default: now). Not with `by=episodes`.
+            from_episode: Number of a task's episodes before the first point (default 0). Only with `by=episodes`.
+            to_episode: Number of a task's episodes at the end of the last point (default: all). Only with
+                `by=episodes`.
             points: Largest number of points of each series, from 1 to 2 000 (default 300).
         """
         response: types.RunSampler = self._send(
-            "GET", f"/v1/runs/{_segment(run)}/sampler", {"from": from_, "to": to, "points": points}, None, is_repeatable=True
+            "GET",
+            f"/v1/runs/{_segment(run)}/sampler",
+            {"by": by, "from": from_, "to": to, "from_episode": from_episode, "to_episode": to_episode, "points": points},
+            None,
+            is_repeatable=True,
         )
         return response
 
     def get_series(
-        self, run: str, *, from_: str | None = None, to: str | None = None, points: int | None = None
+        self,
+        run: str,
+        *,
+        by: Literal["time", "episodes"] | None = None,
+        from_: str | None = None,
+        to: str | None = None,
+        from_episode: int | None = None,
+        to_episode: int | None = None,
+        points: int | None = None,
     ) -> types.RunSeries:
-        """Get the time series of a run: success, skill, mastery, levels and params of each task.
+        """Get the series of a run: success, skill, mastery, levels and params of each task, over time or over episodes.
 
         Args:
-            from_: Start of the window, RFC 3339 (default: start of the run).
-            to: End of the window, RFC 3339 (default: now).
+            by: Quantity that the points divide: `time` (default) or the `episodes` of each task.
+            from_: Start of the window of time, RFC 3339 (default: start of the run). Not with `by=episodes`.
+            to: End of the window of time, RFC 3339 (default: now). Not with `by=episodes`.
+            from_episode: Number of a task's episodes before the first point (default 0). Only with `by=episodes`.
+            to_episode: Number of a task's episodes at the end of the last point (default: all). Only with
+                `by=episodes`.
             points: Largest number of points of each series, from 1 to 2 000 (default 300).
         """
         response: types.RunSeries = self._send(
-            "GET", f"/v1/runs/{_segment(run)}/series", {"from": from_, "to": to, "points": points}, None, is_repeatable=True
+            "GET",
+            f"/v1/runs/{_segment(run)}/series",
+            {"by": by, "from": from_, "to": to, "from_episode": from_episode, "to_episode": to_episode, "points": points},
+            None,
+            is_repeatable=True,
         )
         return response
 
@@ -1340,32 +1372,64 @@ class AsyncMastery:
         return response
 
     async def get_sampler(
-        self, run: str, *, from_: str | None = None, to: str | None = None, points: int | None = None
+        self,
+        run: str,
+        *,
+        by: Literal["time", "episodes"] | None = None,
+        from_: str | None = None,
+        to: str | None = None,
+        from_episode: int | None = None,
+        to_episode: int | None = None,
+        points: int | None = None,
     ) -> types.RunSampler:
         """Get the sampler of each task of a run: the rungs it draws, the success there, and the course of both.
 
         Args:
-            from_: Start of the window, RFC 3339 (default: start of the run).
-            to: End of the window, RFC 3339 (default: now).
+            by: Quantity that the points divide: `time` (default) or the `episodes` of each task.
+            from_: Start of the window of time, RFC 3339 (default: start of the run). Not with `by=episodes`.
+            to: End of the window of time, RFC 3339 (default: now). Not with `by=episodes`.
+            from_episode: Number of a task's episodes before the first point (default 0). Only with `by=episodes`.
+            to_episode: Number of a task's episodes at the end of the last point (default: all). Only with
+                `by=episodes`.
             points: Largest number of points of each series, from 1 to 2 000 (default 300).
         """
         response: types.RunSampler = await self._send(
-            "GET", f"/v1/runs/{_segment(run)}/sampler", {"from": from_, "to": to, "points": points}, None, is_repeatable=True
+            "GET",
+            f"/v1/runs/{_segment(run)}/sampler",
+            {"by": by, "from": from_, "to": to, "from_episode": from_episode, "to_episode": to_episode, "points": points},
+            None,
+            is_repeatable=True,
         )
         return response
 
     async def get_series(
-        self, run: str, *, from_: str | None = None, to: str | None = None, points: int | None = None
+        self,
+        run: str,
+        *,
+        by: Literal["time", "episodes"] | None = None,
+        from_: str | None = None,
+        to: str | None = None,
+        from_episode: int | None = None,
+        to_episode: int | None = None,
+        points: int | None = None,
     ) -> types.RunSeries:
-        """Get the time series of a run: success, skill, mastery, levels and params of each task.
+        """Get the series of a run: success, skill, mastery, levels and params of each task, over time or over episodes.
 
         Args:
-            from_: Start of the window, RFC 3339 (default: start of the run).
-            to: End of the window, RFC 3339 (default: now).
+            by: Quantity that the points divide: `time` (default) or the `episodes` of each task.
+            from_: Start of the window of time, RFC 3339 (default: start of the run). Not with `by=episodes`.
+            to: End of the window of time, RFC 3339 (default: now). Not with `by=episodes`.
+            from_episode: Number of a task's episodes before the first point (default 0). Only with `by=episodes`.
+            to_episode: Number of a task's episodes at the end of the last point (default: all). Only with
+                `by=episodes`.
             points: Largest number of points of each series, from 1 to 2 000 (default 300).
         """
         response: types.RunSeries = await self._send(
-            "GET", f"/v1/runs/{_segment(run)}/series", {"from": from_, "to": to, "points": points}, None, is_repeatable=True
+            "GET",
+            f"/v1/runs/{_segment(run)}/series",
+            {"by": by, "from": from_, "to": to, "from_episode": from_episode, "to_episode": to_episode, "points": points},
+            None,
+            is_repeatable=True,
         )
         return response
 

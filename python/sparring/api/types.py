@@ -1329,6 +1329,10 @@ class SeedRange(TypedDict):
     """Id of the task."""
 
 
+SeriesResolution: TypeAlias = Literal["episodes", "minutes", "hours"]
+"""Part of a series that a point covers."""
+
+
 SpeedBand = TypedDict(
     "SpeedBand",
     {
@@ -1516,8 +1520,14 @@ class TaskParam(TypedDict):
 class TaskSampler(TypedDict):
     """Sampler of a task."""
 
-    at: list[int]
+    at: list[float]
     """Start of each point of the course, Unix time in seconds. Points without results are left out."""
+    episodes: list[int]
+    """Number of the task's finished and claimed episodes in each point."""
+    first_episode: list[int | None]
+    """Number of the task's episodes before each point; null if points are minutes or hours."""
+    first_step: list[int | None]
+    """Number of the task's environment steps before each point; null if points are minutes or hours."""
     kind: NotRequired[RungKind | None]
     name: str
     """Name of the sampler: the strategy, or the sampler that `auto` chose for the task."""
@@ -1534,8 +1544,14 @@ class TaskSampler(TypedDict):
     """Rungs of the task, easiest first; empty if the strategy draws params."""
     state: str
     """State of the sampler in one sentence."""
+    steps: list[int | None]
+    """Number of the task's environment steps in each point; null if points are minutes or hours."""
     task: str
     """Id of the task."""
+    until: list[float]
+    """End of each point, Unix time in seconds."""
+    version_high: list[int | None]
+    """Highest policy version of the episodes; null if points are minutes or hours."""
 
 
 class TaskScoreRange(TypedDict):
@@ -1548,9 +1564,12 @@ class TaskScoreRange(TypedDict):
 
 
 class TaskSeries(TypedDict):
-    """Time series of a task: columns of equal length, null where there is no value."""
+    """
+    Series of a task: columns of equal length, null where there is no value. A gap without results has an empty point at its start and
+    at its end.
+    """
 
-    at: list[int]
+    at: list[float]
     """Start of each point, Unix time in seconds."""
     claimed: list[int]
     """Number of episodes of accepted claims of columns."""
@@ -1562,6 +1581,16 @@ class TaskSeries(TypedDict):
     """Mean duration of finished episodes in worlds whose steps differ in duration, s."""
     episodes: list[int]
     """Number of finished episodes."""
+    first_episode: list[int | None]
+    """
+    Number of the task's episodes before each point; null if points are minutes or hours. Episodes are finished ones, and those of
+    accepted claims of columns.
+    """
+    first_step: list[int | None]
+    """
+    Number of the environment steps of these episodes; null if points are minutes or hours. Claims of columns do not have them: each
+    of their episodes counts as many as the audited ones had on average.
+    """
     level: list[int | None]
     """Current level at the end of the point."""
     level_high: list[int | None]
@@ -1584,10 +1613,18 @@ class TaskSeries(TypedDict):
     """Mean score of all episodes."""
     skill: list[float | None]
     """Mean skill, over scenarios that define one."""
+    steps: list[int | None]
+    """Number of environment steps in each point; null if points are minutes or hours."""
     success: list[float | None]
     """Success rate of all episodes, missing ones counted as failures."""
     task: str
     """Id of the task."""
+    until: list[float]
+    """End of each point, Unix time in seconds."""
+    version_high: list[int | None]
+    """Highest policy version of the episodes; null if points are minutes or hours."""
+    version_low: list[int | None]
+    """Lowest policy version of the episodes; null if points are minutes or hours."""
     zero_variance_share: list[float | None]
     """Share of the groups of several episodes whose episodes all have the same score."""
 
@@ -2373,10 +2410,10 @@ RunSampler = TypedDict(
     "RunSampler",
     {
         "from": str,
+        "resolution": SeriesResolution,
         "strategy": str,
         "tasks": list[TaskSampler],
         "to": str,
-        "width_s": int,
     },
 )
 
@@ -2385,9 +2422,9 @@ RunSeries = TypedDict(
     "RunSeries",
     {
         "from": str,
+        "resolution": SeriesResolution,
         "tasks": list[TaskSeries],
         "to": str,
-        "width_s": int,
     },
 )
 

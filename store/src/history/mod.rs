@@ -2,17 +2,21 @@
 //! `task_history`, `task_history_params` and `task_history_rungs`.
 //!
 //! [`write`] adds results to the buckets, [`read`] reads a window of time as a limited number of points, and [`rungs`] has the
-//! results by start rung and level.
+//! results by start rung and level. [`curves`] has the same results by episodes instead of by time.
 
+mod curves;
 mod read;
 mod rungs;
 mod write;
 
-use crate::task_counters::TaskCounters;
 use std::collections::BTreeMap;
 
-use crate::Millis;
+use serde::{Deserialize, Serialize};
 
+use crate::Millis;
+use crate::task_counters::TaskCounters;
+
+pub use self::curves::{CurvePoint, PAUSE, learning_curves, thin_curve};
 pub use self::read::{HistoryPoint, HistoryWindow, curve};
 pub use self::rungs::{RungKey, RungPoint, RungResults, rung_points};
 pub use self::write::{add, delete_old_minutes};
@@ -25,7 +29,8 @@ pub const HOUR: Millis = 60 * MINUTE;
 pub const MINUTES_KEPT: Millis = 7 * 24 * HOUR;
 
 /// Results of a task in a bucket, or a part of them.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct HistoryBucket {
     /// Number of finished episodes.
     pub episodes: i64,
@@ -57,6 +62,10 @@ pub struct HistoryBucket {
     pub claimed_episodes: i64,
     /// Durations of finished episodes whose steps differ in duration.
     pub durations: DurationSum,
+    /// Environment steps of finished episodes. [`curve`] leaves them out.
+    pub steps: i64,
+    /// Policy versions of finished episodes. [`curve`] leaves them out.
+    pub versions: Option<VersionRange>,
     /// Lowest level that occurred.
     pub lowest_level: Option<i64>,
     /// Highest level that occurred.
@@ -66,11 +75,35 @@ pub struct HistoryBucket {
     /// Parameters of the scenarios, by name.
     pub params: BTreeMap<String, ParamRange>,
     /// Results by start rung and level. [`curve`] leaves them out.
+    #[serde(with = "rungs::as_list")]
     pub rungs: BTreeMap<RungKey, RungResults>,
 }
 
+/// Policy versions of episodes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct VersionRange {
+    /// Lowest version of the episodes.
+    pub low: i64,
+    /// Highest version of the episodes.
+    pub high: i64,
+}
+
+impl VersionRange {
+    /// Range of one version.
+    #[must_use]
+    pub const fn of(version: i64) -> Self {
+        Self { low: version, high: version }
+    }
+
+    /// Range of the versions of both.
+    #[must_use]
+    pub fn joined_with(self, other: Self) -> Self {
+        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+}
+
 /// Sum of the durations of episodes.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct DurationSum {
     /// Number of episodes with a duration.
     pub episodes: i64,
@@ -92,7 +125,7 @@ impl DurationSum {
 }
 
 /// Mastery estimate of a task at one moment: the posterior over success on contested scenarios of its level.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct MasterySample {
     /// Level of the task; none for strategies without levels.
     pub level: Option<i64>,
@@ -105,7 +138,7 @@ pub struct MasterySample {
 }
 
 /// Values that a parameter had.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ParamRange {
     /// Number of the values.
     pub n: i64,
@@ -159,6 +192,8 @@ impl HistoryBucket {
         self.zero_variance_groups += later.zero_variance_groups;
         self.claimed_episodes += later.claimed_episodes;
         self.durations.join(later.durations);
+        self.steps += later.steps;
+        self.add_versions(later.versions);
         self.lowest_level = self.lowest_level.into_iter().chain(later.lowest_level).min();
         self.highest_level = self.highest_level.max(later.highest_level);
         self.mastery = later.mastery.or(self.mastery);
@@ -181,6 +216,22 @@ impl HistoryBucket {
             let range = ParamRange::of(value);
             self.params.entry(name.to_owned()).and_modify(|known| known.join(&range)).or_insert(range);
         }
+    }
+
+    /// Extends the range of policy versions.
+    pub fn add_versions(&mut self, versions: Option<VersionRange>) {
+        self.versions = match (self.versions, versions) {
+            (Some(known), Some(other)) => Some(known.joined_with(other)),
+            (known, other) => known.or(other),
+        };
+    }
+
+    /// True if the bucket has episodes or groups, and not only a sample of mastery.
+    #[must_use]
+    pub fn has_results(&self) -> bool {
+        let Self { episodes, failed, expired, claimed_episodes, groups, contested_groups, .. } = self;
+        [episodes, failed, expired, claimed_episodes, groups, contested_groups].iter().any(|n| **n > 0)
+            || !self.rungs.is_empty()
     }
 
     /// Extends the range of levels by one level.

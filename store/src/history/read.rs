@@ -34,6 +34,12 @@ impl HistoryWindow {
         let width = (each.saturating_add(stored - 1)) / stored * stored;
         Self { from: from.div_euclid(width) * width, to, width, stored }
     }
+
+    /// True if the points are made of buckets of an hour.
+    #[must_use]
+    pub const fn is_of_hours(&self) -> bool {
+        self.stored == HOUR
+    }
 }
 
 /// A point of a task's history.
@@ -105,7 +111,7 @@ pub async fn curve(
             highest_level: r.highest_level,
             mastery: mastery.remove(&key),
             params: params.remove(&key).unwrap_or_default(),
-            rungs: BTreeMap::new(),
+            ..HistoryBucket::default()
         };
         HistoryPoint { task: r.task, start: r.bucket, bucket }
     });

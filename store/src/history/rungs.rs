@@ -1,5 +1,6 @@
 //! Results by start rung and level over time. Table `task_history_rungs`.
 
+use serde::{Deserialize, Serialize};
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
 use super::super::StoreError;
@@ -11,7 +12,7 @@ use crate::Millis;
 const NONE: i64 = -1;
 
 /// Start rung and level of a scenario.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct RungKey {
     /// Start rung; none in tasks without them, and under strategies that leave starts as they are.
     pub start_rung: Option<i64>,
@@ -20,7 +21,7 @@ pub struct RungKey {
 }
 
 /// Results of the groups at a rung.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RungResults {
     /// Number of groups with enough finished episodes.
     pub groups: i64,
@@ -36,6 +37,28 @@ impl RungResults {
         self.groups += other.groups;
         self.episodes += other.episodes;
         self.successes += other.successes;
+    }
+}
+
+/// Results by rung as a JSON list, since keys of JSON are texts.
+pub(super) mod as_list {
+    use std::collections::BTreeMap;
+
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    use super::{RungKey, RungResults};
+
+    pub(in super::super) fn serialize<S: Serializer>(
+        rungs: &BTreeMap<RungKey, RungResults>,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        rungs.iter().collect::<Vec<_>>().serialize(serializer)
+    }
+
+    pub(in super::super) fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<BTreeMap<RungKey, RungResults>, D::Error> {
+        Ok(Vec::<(RungKey, RungResults)>::deserialize(deserializer)?.into_iter().collect())
     }
 }
 

@@ -6,6 +6,7 @@ use sqlx::sqlite::SqliteQueryResult;
 use sqlx::{QueryBuilder, SqliteConnection, query};
 
 use super::super::{MAX_ROWS, StoreError};
+use super::curves::add_to_curves;
 use super::read::tasks;
 use super::rungs::{RungRow, add_rungs};
 use super::{HOUR, HistoryBucket, MINUTE, MINUTES_KEPT, ParamRange};
@@ -28,10 +29,10 @@ struct ParamRow<'a> {
     range: &'a ParamRange,
 }
 
-/// Adds the results of a run's tasks at the moment `now`, to its minute and to its hour.
+/// Adds the results of a run's tasks at the moment `now`, to its minute, to its hour and to the learning curves.
 ///
 /// # Errors
-/// Returns [`StoreError::Database`] if a statement fails.
+/// Returns [`StoreError::Database`] if a statement fails, and [`StoreError::Corrupt`] if a stored point of a curve is damaged.
 pub async fn add(
     conn: &mut SqliteConnection,
     run: &str,
@@ -67,7 +68,7 @@ pub async fn add(
     for rows in rungs.chunks(MAX_ROWS) {
         add_rungs(conn, run, rows).await?;
     }
-    Ok(())
+    add_to_curves(conn, run, now, parts).await
 }
 
 async fn add_buckets(

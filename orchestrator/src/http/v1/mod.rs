@@ -25,6 +25,7 @@ pub(super) mod results;
 mod retention;
 mod rollout;
 mod run_members;
+mod run_points;
 mod run_settings;
 mod run_tags;
 mod run_update;

@@ -1,23 +1,32 @@
-//! Time series of a run.
+//! Series of a run over time or over episodes.
 
 use api_types::{ParamSeries, RunSeries, SeriesQuery, TaskSeries};
 use axum::extract::State;
-use store::history::{self, HistoryBucket, HistoryPoint, HistoryWindow};
+use store::history::HistoryBucket;
 
-use super::time_window::{TimeWindow, read_points};
+use super::run_points::{CurrentPoints, read_run_points};
+use crate::api_enums::ConvertEnum;
 use crate::http::extract::{Path, Query};
 use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
-use crate::queries::current_mastery::{CurrentMastery, update_last_points};
-use clock::{Millis, rfc3339};
+use crate::queries::current_mastery::CurrentMastery;
+use crate::queries::run_series::{SeriesContent, SeriesPoint};
+use clock::rfc3339;
 
 /// Appends a point to the series of a task.
-fn push_point(series: &mut TaskSeries, start: Millis, bucket: &HistoryBucket) {
+fn push_point(series: &mut TaskSeries, point: &SeriesPoint) {
     let mean = |sum: f64, n: i64| (n > 0).then(|| sum / n as f64);
+    let SeriesPoint { from, to, position, bucket } = point;
     let mastery = bucket.mastery;
-    series.at.push(start.div_euclid(1000));
+    series.at.push(*from as f64 / 1000.0);
+    series.until.push(*to as f64 / 1000.0);
+    series.first_episode.push(position.map(|at| at.first_episode));
+    series.first_step.push(position.map(|at| at.first_step));
+    series.steps.push(position.map(|_| bucket.steps));
+    series.version_low.push(bucket.versions.map(|versions| versions.low));
+    series.version_high.push(bucket.versions.map(|versions| versions.high));
     series.episodes.push(bucket.episodes);
     series.claimed.push(bucket.claimed_episodes);
     let lost = bucket.failed + bucket.expired;
@@ -57,31 +66,16 @@ fn push_params(series: &mut TaskSeries, bucket: &HistoryBucket) {
     }
 }
 
-/// Groups points by task. A gap without results has an empty point at its start and at its end, since a line across it would show
-/// values that were never measured.
-fn series_by_task(points: Vec<HistoryPoint>, width: Millis) -> Vec<TaskSeries> {
-    let mut tasks = Vec::<TaskSeries>::new();
-    for HistoryPoint { task, start, bucket } in points {
-        if tasks.last().is_none_or(|last| last.task != task) {
-            tasks.push(TaskSeries { task, ..TaskSeries::default() });
-        }
-        if let Some(last) = tasks.last_mut() {
-            let gap = last.at.last().map(|at| (at * 1000 + width, start - width));
-            if let Some((first, end)) = gap.filter(|(first, end)| first <= end) {
-                push_point(last, first, &HistoryBucket::default());
-                if first < end {
-                    push_point(last, end, &HistoryBucket::default());
-                }
-            }
-            push_point(last, start, &bucket);
-        }
-    }
-    tasks
+fn task_series(task: String, points: &[SeriesPoint]) -> TaskSeries {
+    let mut series = TaskSeries { task, ..TaskSeries::default() };
+    points.iter().for_each(|point| push_point(&mut series, point));
+    series
 }
 
-/// Get the time series of a run: success, skill, mastery, levels and params of each task.
+/// Get the series of a run: success, skill, mastery, levels and params of each task, over time or over episodes.
 ///
-/// A point covers an interval with results, of at least one minute in the last week and one hour before.
+/// Over time, a point covers an interval with results, of at least one minute in the last week and one hour before; a run or a window
+/// of some minutes has points of consecutive episodes instead. Over episodes, a task has at most 1 025 points for its whole training.
 #[utoipa::path(
     get, path = "/runs/{run}/series", tag = "mastery",
     params(("run" = String, Path, description = "The run's id."), SeriesQuery),
@@ -97,19 +91,15 @@ pub(super) async fn get_series(
 ) -> Result<axum::Json<RunSeries>, Problem> {
     let run = parse_run_id(&run)?;
     let mut conn = acquire_run_reader(&app, &run).await?;
-    let now = app.clock.now();
-    let TimeWindow { from, to } =
-        TimeWindow::read(&mut conn, &run, query.from.as_ref(), query.to.as_ref(), now).await?;
-    let window = HistoryWindow::new(from, to, i64::from(read_points(query.points)?), now);
-    let mut points = history::curve(&mut conn, run.as_str(), window).await?;
-    if to >= now {
-        update_last_points(&mut points, &app.writer.query(CurrentMastery { run }).await?);
+    let CurrentPoints { mut points, is_current } =
+        read_run_points(&mut conn, &run, &query, SeriesContent::Results, app.clock.now()).await?;
+    if is_current {
+        points.set_current_mastery(&app.writer.query(CurrentMastery { run }).await?);
     }
-    let tasks = series_by_task(points, window.width);
     Ok(axum::Json(RunSeries {
-        from: rfc3339(window.from),
-        to: rfc3339(window.to),
-        width_s: window.width / 1000,
-        tasks,
+        from: rfc3339(points.from),
+        to: rfc3339(points.to),
+        resolution: points.resolution.convert(),
+        tasks: points.tasks.into_iter().map(|(task, points)| task_series(task, &points)).collect(),
     }))
 }

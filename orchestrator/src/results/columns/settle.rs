@@ -7,6 +7,7 @@ use store::columns::{self, ClaimCounters, ClaimState, ColumnClaimRow, SeedRangeR
 use store::critiques::{self, NewCritiqueJob};
 use store::episodes::{self, FinishedEpisode};
 use store::groups::{self, GroupRow, GroupState};
+use store::history::VersionRange;
 use store::keys::EpisodeSpan;
 use store::leases::{self, LeaseRow, LeaseStatus};
 use store::proposals::{self, LeasedProposal};
@@ -53,6 +54,7 @@ pub(crate) async fn settle(tx: &mut WriteTx, lease: &LeaseRow) -> Result<ReportS
     runs::set_policy_version(run.conn, &lease.run, newest).await?;
     let max_staleness = run.state.settings.max_staleness;
     let is_stale = max_staleness.is_some_and(|max| newest - claim.policy_version > i64::from(max));
+    let mut claimed: BTreeMap<String, i64> = BTreeMap::new();
     for range in columns::ranges(run.conn, lease.id).await? {
         let audited =
             groups.iter().filter(|group| range.holds(group.number)).map(|group| group.finished).sum();
@@ -68,6 +70,8 @@ pub(crate) async fn settle(tx: &mut WriteTx, lease: &LeaseRow) -> Result<ReportS
         let history = run.task_counts(&range.task);
         history.claimed_episodes += finished - audited; // audited episodes are counted below, by their replay
         history.add_level(range.level);
+        history.add_versions(Some(VersionRange::of(claim.policy_version)));
+        *claimed.entry(range.task).or_default() += finished - audited;
     }
     end(
         tx,
@@ -78,21 +82,31 @@ pub(crate) async fn settle(tx: &mut WriteTx, lease: &LeaseRow) -> Result<ReportS
     for group in groups.iter_mut().filter(|_| !is_stale) {
         (group.counted, group.counted_successes) = (group.finished, group.successes);
     }
-    count_audited(tx, lease, &groups).await?;
+    count_audited(tx, lease, &groups, &claimed).await?;
     tx.outbox.signal(Signal::Critique);
     close_groups(&mut tx.run(&lease.run).await?, lease, groups).await
 }
 
-/// Counts audited groups like any others, and enqueues their episodes for the critique.
-async fn count_audited(tx: &mut WriteTx, lease: &LeaseRow, groups: &[GroupRow]) -> Result<(), ServiceError> {
+/// Counts audited groups like any others, and enqueues their episodes for the critique. `claimed` has the other episodes of the
+/// claim by task: a claim does not say how many steps they had, so the history counts as many as audited episodes had on average.
+async fn count_audited(
+    tx: &mut WriteTx,
+    lease: &LeaseRow,
+    groups: &[GroupRow],
+    claimed: &BTreeMap<String, i64>,
+) -> Result<(), ServiceError> {
     let conn = &mut tx.conn;
+    let mut steps: BTreeMap<&str, Vec<i64>> = BTreeMap::new();
     let mut counters: BTreeMap<TaskCountersKey, TaskCounters> = BTreeMap::new();
     let mut episodes_of: BTreeMap<&str, Vec<i64>> = BTreeMap::new();
     for group in groups {
         let from = group.number * lease.group_size;
         let span = EpisodeSpan { lease: lease.id, from, to: from + lease.group_size };
         let sum = counters.entry(TaskCountersKey::of(group)).or_default();
-        for FinishedEpisode { success, skill, score, .. } in episodes::finished(conn, span).await? {
+        for FinishedEpisode { success, skill, score, steps: taken, .. } in
+            episodes::finished(conn, span).await?
+        {
+            steps.entry(&group.task).or_default().push(taken);
             sum.add(&TaskCounters {
                 episodes: 1,
                 successes: i64::from(success),
@@ -108,6 +122,11 @@ async fn count_audited(tx: &mut WriteTx, lease: &LeaseRow, groups: &[GroupRow]) 
         }
     }
     add_counters(tx, lease, &counters).await?;
+    for (task, steps) in steps {
+        let (audited, all) = (steps.iter().sum::<i64>(), claimed.get(task).copied().unwrap_or(0));
+        let of_claimed = all as f64 * (audited as f64 / steps.len() as f64);
+        tx.task_counts(&lease.run, task).steps += audited + of_claimed.round() as i64;
+    }
     let jobs = episodes_of.iter().flat_map(|(task, numbers)| {
         numbers.chunks(MAX_JOB_EPISODES).map(|numbers| NewCritiqueJob { task, lease: lease.id, numbers })
     });

@@ -1,5 +1,6 @@
-//! Series of a run over time: every result is in exactly one bucket.
+//! Series of a run over time and over episodes: every result is in exactly one point.
 
+use std::collections::BTreeMap;
 use std::sync::atomic::Ordering;
 
 use clock::{Clock, ManualClock};
@@ -99,18 +100,20 @@ async fn buckets_sum_to_all_results() {
     let now = clock_ms.load(Ordering::SeqCst);
     let all = series(&api, START, now, 2000).await;
     let task = &all["tasks"][0];
-    assert_eq!(all["width_s"], 60);
+    assert_eq!(all["resolution"], "episodes", "some minutes would be too coarse");
     assert_eq!((sum(&all, "episodes"), sum(&all, "lost")), (count("episodes"), count("failed") + 4));
     // Results are in the minute of their report; the minutes between have none.
-    let at = task["at"].as_array().unwrap();
-    let with_results: Vec<(i64, i64)> = at
-        .iter()
-        .zip(task["episodes"].as_array().unwrap())
-        .map(|(at, n)| ((at.as_i64().unwrap() - START / 1000) / 60, n.as_i64().unwrap()))
-        .filter(|(_, n)| *n > 0)
-        .collect();
-    assert_eq!(with_results, [(0, 12), (1, 12), (4, 4), (54, 8)]);
-    assert!(at.len() > with_results.len(), "empty buckets separate the minutes with results");
+    let until = task["until"].as_array().unwrap();
+    let mut by_minute: BTreeMap<i64, i64> = BTreeMap::new();
+    for (until, n) in until.iter().zip(task["episodes"].as_array().unwrap()) {
+        let minute = (until.as_f64().unwrap() as i64 - START / 1000) / 60;
+        *by_minute.entry(minute).or_default() += n.as_i64().unwrap();
+    }
+    by_minute.retain(|_, n| *n > 0);
+    assert_eq!(by_minute, BTreeMap::from([(0, 12), (1, 12), (4, 4), (54, 8)]));
+    let is_empty = |n: &&Value| **n == json!(0);
+    let gaps = task["episodes"].as_array().unwrap().iter().filter(is_empty).count();
+    assert!(gaps >= 4, "empty points separate times with results");
     // Shares and means agree with the sums of the run.
     let weighed = |column: &str| {
         let values = task[column].as_array().unwrap().iter().zip(task["episodes"].as_array().unwrap());
@@ -127,7 +130,7 @@ async fn buckets_sum_to_all_results() {
     for points in [1, 7, 60] {
         let fewer = series(&api, START, now, points).await;
         assert_eq!(sum(&fewer, "episodes"), count("episodes"), "in {points}");
-        assert!(fewer["tasks"][0]["at"].as_array().unwrap().len() <= 3 * points as usize + 1);
+        assert!(fewer["tasks"][0]["at"].as_array().unwrap().len() <= 3 * points as usize + 3);
     }
     // A range has the results of that range only.
     let part = series(&api, START + MINUTE, START + 5 * MINUTE, 2000).await;
@@ -138,6 +141,59 @@ async fn buckets_sum_to_all_results() {
     let overview = api.get("/v1/runs/run/overview").await.expect(200);
     assert_eq!((&overview["episodes"], &overview["leases"]), (&plain["episodes"], &json!(0)));
     assert_eq!(overview["tasks"][0]["level"], mastery["level"]);
+}
+
+/// A run of some seconds has a point for each few episodes, with what came before it.
+#[tokio::test]
+async fn fast_run_shows_its_course_over_episodes() {
+    let ManualClock { clock, time: clock_ms } = Clock::manual(START);
+    let server = Server::with_clock(clock).await;
+    let api = server.api();
+    create_run(&api, json!({"group_size": 2})).await;
+    for version in 0..8 {
+        clock_ms.fetch_add(1_500, Ordering::SeqCst);
+        let lease = api.lease("run", json!({"groups": 3, "policy_version": version})).await;
+        api.report("run", lease.results("hold")).await;
+    }
+    let numbers = |series: &Value, column: &str| -> Vec<i64> {
+        let values = series["tasks"][0][column].as_array().expect("a column");
+        values.iter().map(|value| value.as_i64().expect("a number")).collect()
+    };
+    let get = async |query: &str| api.get(&format!("/v1/runs/run/series?{query}")).await.expect(200);
+    let all = get("by=episodes").await;
+    assert_eq!(numbers(&all, "first_episode"), (0..8).map(|lease| 6 * lease).collect::<Vec<_>>());
+    assert_eq!(numbers(&all, "episodes"), [6; 8]);
+    assert_eq!(
+        (numbers(&all, "version_low"), numbers(&all, "version_high")),
+        ((0..8).collect(), (0..8).collect())
+    );
+    // An episode of survival has at most 50 steps, and all of holding satellites that survive.
+    let steps = numbers(&all, "first_step");
+    assert!(steps.windows(2).all(|pair| (6..=300).contains(&(pair[1] - pair[0]))), "{steps:?}");
+    // The same points over time, each from the end of the one before it.
+    let over_time = series(&api, START, START + MINUTE, 2000).await;
+    assert_eq!(over_time["resolution"], "episodes");
+    let seconds = |column: &str| -> Vec<f64> {
+        let values = over_time["tasks"][0][column].as_array().expect("a column");
+        values.iter().map(|value| value.as_f64().expect("a time") - START as f64 / 1000.0).collect()
+    };
+    assert_eq!(seconds("until"), [1.5, 3.0, 4.5, 6.0, 7.5, 9.0, 10.5, 12.0]);
+    assert_eq!(seconds("at"), [1.5, 1.5, 3.0, 4.5, 6.0, 7.5, 9.0, 10.5]);
+    // A range, and fewer points.
+    let part = get("by=episodes&from_episode=13&to_episode=20").await;
+    assert_eq!(numbers(&part, "first_episode"), [12, 18]);
+    let fewer = get("by=episodes&points=2").await;
+    assert_eq!((numbers(&fewer, "first_episode"), numbers(&fewer, "episodes")), (vec![0, 24], vec![24, 24]));
+    for (query, field) in [
+        ("by=episodes&from=2027-01-15T08:00:00Z", "from"),
+        ("by=episodes&to=2027-01-15T08:00:00Z", "to"),
+        ("from_episode=1", "by"),
+        ("by=time&to_episode=1", "by"),
+        ("by=episodes&from_episode=9&to_episode=8", "to_episode"),
+    ] {
+        let refused = api.get(&format!("/v1/runs/run/series?{query}")).await.expect(422);
+        assert_eq!(refused["field"], field, "{query}");
+    }
 }
 
 /// Checks that the last values are those of the task, and that params are those of its level.
@@ -162,8 +218,14 @@ async fn series_is_hourly_after_a_week() {
     report_groups(&api, 3, "heuristic").await;
     clock_ms.fetch_add(8 * DAY, Ordering::SeqCst);
     let now = clock_ms.load(Ordering::SeqCst);
-    let task_series = series(&api, START, now, 2000).await;
-    assert_eq!((&task_series["width_s"], sum(&task_series, "episodes")), (&json!(3600), 6));
+    let task_series = series(&api, START, now, 4).await;
+    assert_eq!((&task_series["resolution"], sum(&task_series, "episodes")), (&json!("hours"), 6));
+    let fine = series(&api, START, now, 2000).await;
+    assert_eq!(
+        (&fine["resolution"], sum(&fine, "episodes")),
+        (&json!("episodes"), 6),
+        "the curve keeps more"
+    );
     // The server removes old buckets when it starts, and every hour.
     server.restart().await;
     let api = server.api();

@@ -1,4 +1,4 @@
-/** Time interval in seconds since 1970. */
+/** Interval of an axis: of time in seconds, or of episodes, steps or versions. */
 export interface Interval {
   from: number;
   to: number;
@@ -11,16 +11,26 @@ export interface AxisRange {
   showAll(): void;
 }
 
-const MIN_LENGTH_S = 60;
+/** Length of the shortest interval of time that can be selected, in seconds. */
+const MIN_LENGTH_S = 1;
+/** Length by which charts at least extend beyond the last data, in seconds. */
+const MARGIN_S = 1;
 
 /** Returns the end of the interval to show: `to` while data arrive, else shortly after the last data. */
 export function endOfData({ from, to }: Interval, last: number | undefined): number {
   if (last === undefined || last <= from || to - last <= 0.1 * (to - from)) return to;
-  return Math.min(to, last + Math.max(MIN_LENGTH_S, 0.03 * (last - from)));
+  return Math.min(to, last + Math.max(MARGIN_S, 0.03 * (last - from)));
 }
 
-/** Time interval that all charts of a page show. */
-export class TimeRange implements AxisRange {
+/** Interval that all charts of a page show: of time by default. */
+export class ShownRange implements AxisRange {
+  /** Length of the shortest interval that can be selected. */
+  readonly #minLength: number;
+
+  constructor(minLength = MIN_LENGTH_S) {
+    this.#minLength = minLength;
+  }
+
   /** Interval with data. */
   available = $state<Interval>({ from: 0, to: 1 });
   /** Interval that the user selected; null shows all available data, which grow. */
@@ -30,20 +40,20 @@ export class TimeRange implements AxisRange {
     return this.selected ?? this.available;
   }
 
-  /** Selects an interval, limited to the available one; ignores intervals below one minute. */
+  /** Selects an interval, limited to the available one; ignores intervals that are too short. */
   select(from: number, to: number) {
     const start = Math.max(from, this.available.from);
     const end = Math.min(to, this.available.to);
-    this.selected = end - start >= MIN_LENGTH_S ? { from: start, to: end } : this.selected;
+    this.selected = end - start >= this.#minLength ? { from: start, to: end } : this.selected;
   }
 
   showAll() {
     this.selected = null;
   }
 
-  /** Selects the last `seconds` seconds. */
-  last(seconds: number) {
-    this.select(this.available.to - seconds, this.available.to);
+  /** Selects the last part of this length. */
+  last(length: number) {
+    this.select(this.available.to - length, this.available.to);
   }
 
   /** Scales the shown interval around its middle; factors below 1 zoom in. */

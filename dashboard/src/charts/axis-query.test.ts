@@ -1,0 +1,29 @@
+import { expect, test } from "vitest";
+import { axisQuery, parseAxisQuery } from "./axis-query";
+import { DEFAULT_SMOOTHING as smoothing } from "./smoothing";
+
+test("the address holds axis, selection and smoothing", () => {
+  expect(axisQuery({ kind: "time", selected: null, smoothing })).toBe("");
+  const selected = { from: 10.2, to: 99.9 };
+  expect(axisQuery({ kind: "episodes", selected, smoothing: 0.8 })).toBe(
+    "x=episodes&smooth=0.8&from=10&to=100",
+  );
+  for (const selection of [
+    { kind: "time", selected: { from: 1_800_000_000.125, to: 1_800_000_010 }, smoothing: 0 },
+    { kind: "version", selected: { from: 4, to: 96 }, smoothing },
+    { kind: "elapsed", selected: null, smoothing: 0.95 },
+  ] as const)
+    expect(parseAxisQuery(axisQuery(selection))).toEqual(selection);
+});
+
+test("invalid parts of an address are the defaults", () => {
+  for (const query of [
+    "x=nonsense",
+    "from=5",
+    "from=9&to=8",
+    "from=a&to=b",
+    "from=0&to=Infinity",
+    "smooth=1",
+  ])
+    expect(parseAxisQuery(query)).toEqual({ kind: "time", selected: null, smoothing });
+});
