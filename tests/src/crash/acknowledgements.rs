@@ -7,7 +7,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use anyhow::ensure;
 use serde_json::Value;
 
-use super::ServerExits;
+use super::{CurriculumProgress, ServerExits};
 
 /// Everything that trainers received an acknowledgement for. All trainers share one log.
 #[derive(Debug, Default)]
@@ -56,6 +56,8 @@ pub(super) struct ServerState {
     pub mastery: Value,
     /// Groups that are still in the trajectory feed.
     pub undelivered: Vec<Value>,
+    /// Actions of the curriculum of the run.
+    pub progress: CurriculumProgress,
 }
 
 impl AcknowledgementLog {
@@ -190,6 +192,7 @@ impl AcknowledgementLog {
             claimed,
             groups: log.delivered.len() as u64,
             acknowledged: log.acknowledged.len() as u64,
+            progress: state.progress,
         };
         ensure!(faults.is_empty(), "{report}\n{} faults:\n{}", faults.len(), faults.join("\n"));
         Ok(report)
@@ -281,6 +284,8 @@ pub struct CrashReport {
     pub groups: u64,
     /// Number of delivered groups that were acknowledged; none was delivered again.
     pub acknowledged: u64,
+    /// Actions of the curriculum of the run.
+    pub progress: CurriculumProgress,
 }
 
 impl fmt::Display for CrashReport {
@@ -300,6 +305,7 @@ impl fmt::Display for CrashReport {
         writeln!(f, "{:<52} {:>9}", "episodes of columns that trainers saw accepted", self.accepted)?;
         writeln!(f, "{:<52} {:>9}", "episodes of columns that count", self.claimed)?;
         writeln!(f, "{:<52} {:>9}", "groups delivered by the feed", self.groups)?;
-        write!(f, "{:<52} {:>9}", "groups acknowledged, none delivered again", self.acknowledged)
+        writeln!(f, "{:<52} {:>9}", "groups acknowledged, none delivered again", self.acknowledged)?;
+        write!(f, "{}", self.progress)
     }
 }

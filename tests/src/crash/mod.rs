@@ -6,6 +6,7 @@
 
 mod acknowledgements;
 mod faults;
+mod progress;
 mod sessions;
 mod trainers;
 
@@ -21,11 +22,14 @@ use tokio::task::JoinSet;
 use self::acknowledgements::ServerState;
 pub use self::acknowledgements::{AcknowledgementLog, CrashReport};
 use self::faults::RandomFaults;
+pub use self::progress::CurriculumProgress;
 use self::trainers::Trainer;
 use crate::{ApiClient, TlsFiles, try_wait_for};
 
 /// Id of the run that all trainers use.
 const RUN: &str = "survivor";
+
+const TASKING_TASKS: [&str; 3] = ["tasking/scanning", "tasking/imaging", "tasking/constellation"];
 
 /// When the test stops to kill servers.
 #[derive(Debug, Clone, Copy)]
@@ -47,7 +51,9 @@ pub enum StopCondition {
 pub enum CrashWorld {
     /// Two tasks of kessler.
     Kessler,
-    /// All tasks of tasking, with short episodes.
+    /// All tasks of tasking, with short episodes of one level.
+    ShortTasking,
+    /// All tasks of tasking at their own levels, with designed layouts.
     Tasking,
 }
 
@@ -56,12 +62,16 @@ impl CrashWorld {
     fn settings(self) -> Value {
         match self {
             Self::Kessler => json!({"tasks": ["kessler/survival", "kessler/eco_station"]}),
-            Self::Tasking => {
+            Self::Tasking => json!({
+                "tasks": TASKING_TASKS,
+                "design": {"designer": "procedural", "share": 0.3},
+            }),
+            Self::ShortTasking => {
                 let table =
                     |columns: Value, row: Value| json!({"levels": {"columns": columns, "rows": [row]}});
                 let imaging = table(json!(["targets", "time_limit_s"]), json!([500, 1800]));
                 json!({
-                    "tasks": ["tasking/scanning", "tasking/imaging", "tasking/constellation"],
+                    "tasks": TASKING_TASKS,
                     "task_settings": {
                         "tasking/scanning": table(json!(["time_limit_s"]), json!([1800])),
                         "tasking/imaging": imaging,
@@ -76,7 +86,7 @@ impl CrashWorld {
     pub(crate) const fn vector_observation(self) -> &'static str {
         match self {
             Self::Kessler => "tracks",
-            Self::Tasking => "all",
+            Self::ShortTasking | Self::Tasking => "all",
         }
     }
 }
@@ -206,7 +216,7 @@ async fn drain_and_compare(
     let off = json!({"policy": "off"}).to_string();
     let put = api.request("PUT", &format!("/v1/runs/{RUN}/policy"), "application/json", off).await;
     ensure!(put.status == 200, "the policy was not switched off: {}", put.body);
-    for lease in list_all(api, "leases").await? {
+    for lease in list_all(api, "leases", "leases").await? {
         if lease["status"] == "active" {
             let path =
                 format!("/v1/runs/{RUN}/leases/{}/release", lease["lease"].as_str().unwrap_or_default());
@@ -220,18 +230,19 @@ async fn drain_and_compare(
     })
     .await?;
     let undelivered = trainers::drain_feed(api, RUN).await?;
+    let progress = CurriculumProgress::fetch(api, RUN).await?;
     let mastery = api.get(&format!("/v1/runs/{RUN}/mastery")).await.body;
-    let episodes = list_all(api, "episodes").await?;
-    log.compare(exits, &ServerState { episodes, mastery, undelivered })
+    let episodes = list_all(api, "episodes", "episodes").await?;
+    log.compare(exits, &ServerState { episodes, mastery, undelivered, progress })
 }
 
-/// Fetches all pages of a list of the run.
-async fn list_all(api: &ApiClient, resource: &str) -> anyhow::Result<Vec<Value>> {
+/// Fetches all pages of a list of the run; `field` is the list's name in a page.
+async fn list_all(api: &ApiClient, resource: &str, field: &str) -> anyhow::Result<Vec<Value>> {
     let (mut items, mut cursor) = (Vec::new(), String::new());
     loop {
         let page = api.get(&format!("/v1/runs/{RUN}/{resource}?limit=500{cursor}")).await;
         ensure!(page.status == 200, "{resource}: {}", page.body);
-        items.extend(page.body[resource].as_array().context("the page has no list")?.clone());
+        items.extend(page.body[field].as_array().context("the page has no list")?.clone());
         match page.body["next"].as_str() {
             Some(next) => cursor = format!("&cursor={next}"),
             None => return Ok(items),

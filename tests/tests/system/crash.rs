@@ -125,7 +125,7 @@ async fn acknowledged_results_survive_kills_and_count_once() {
 async fn kills_under_tasking_lose_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let until = StopCondition::Kills { kills: 20, episodes: 8 };
-    let report = run(&folder.path().join("survivor.sqlite3"), plan(CrashWorld::Tasking, until)).await;
+    let report = run(&folder.path().join("survivor.sqlite3"), plan(CrashWorld::ShortTasking, until)).await;
     assert!(report.kills >= 20 && report.vectors > 1 && report.acknowledged > 1, "{report}");
     assert_eq!(report.by_interface.len(), 4, "{report}");
 }
