@@ -9,7 +9,7 @@ BUILD_TESTS := SQLX_OFFLINE=true cargo build --workspace --locked --tests --lib 
 # Builds packages, and meanwhile the dashboard, which the next build includes. Without Node it is not built, and its page says so.
 build_with_dashboard = if node -e '$(NODE_CHECK)' 2>/dev/null; then $(MAKE) --no-print-directory dashboard; fi & dashboard=$$!; \
 	cargo build --locked $(1) && wait $$dashboard && cargo build --locked $(1) || { kill $$dashboard 2>/dev/null; exit 1; }
-.PHONY: help demo venv dashboard wheel test test-prerequisites test-clients test-python test-browser test-trainers test-heavy test-wheels container test-container test-llm test-otlp fuzz bench bench-peers bench-python soak dist fmt lint deny sqlx check-style check-cargo check-clippy check-python check-node update-check
+.PHONY: help demo venv dashboard wheel wheel-environments test test-prerequisites test-clients test-python test-browser test-trainers test-heavy test-wheels container test-container test-llm test-otlp fuzz bench bench-peers bench-python soak dist fmt lint deny sqlx check-style check-cargo check-clippy check-python check-node update-check
 
 help: ## List the targets
 	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -26,11 +26,13 @@ venv: check-cargo check-python ## Create .venv with the Python package and the p
 dashboard: check-node ## Build the dashboard, which the next build of the binary includes
 	cd dashboard && npm ci --no-audit --no-fund --loglevel=error && npm run build
 
-wheel: check-cargo check-python ## Build two wheels in target/wheels: sparring (environments) and sparring-server (the program)
-	scripts/python-venv
+wheel: wheel-environments ## Build two wheels in target/wheels: sparring (environments) and sparring-server (the program)
 	@if node -e '$(NODE_CHECK)' 2>/dev/null; then $(MAKE) --no-print-directory dashboard; fi
-	cd python && ../target/python-venv/bin/maturin build --profile dist --strip --locked --out ../target/wheels
 	cd python/server && SQLX_OFFLINE=true ../../target/python-venv/bin/maturin build --profile dist --strip --locked --out ../../target/wheels
+
+wheel-environments: check-cargo check-python
+	scripts/python-venv
+	cd python && ../target/python-venv/bin/maturin build --profile dist --strip --locked --out ../target/wheels
 
 # A build from scratch takes less time and disk without the files for incremental compilation.
 test test-python test-browser test-trainers test-heavy: export CARGO_INCREMENTAL ?= 0
@@ -123,7 +125,9 @@ update-check: check-cargo check-node ## List newer versions of the pinned Python
 bench-peers: check-cargo check-python ## Compare the speed with openenv-core's server and the public environment (KESSLER_ENV=PATH), or with BSK-RL (BSK=1)
 	cargo build --profile dist --locked -p cli -p bench
 	@if [ -n "$(BSK)" ]; then \
-		scripts/bsk-venv && PYTHONPATH=scripts PYTHONDONTWRITEBYTECODE=1 \
+		$(MAKE) --no-print-directory wheel-environments && scripts/bsk-venv && \
+		target/bsk-venv/bin/pip install --quiet --disable-pip-version-check --force-reinstall --no-deps \
+			target/wheels/sparring-*.whl && PYTHONPATH=scripts PYTHONDONTWRITEBYTECODE=1 \
 			target/bsk-venv/bin/python bench/bsk_peers.py --bench target/dist/bench; \
 	else \
 		scripts/openenv-venv && target/openenv-venv/bin/python bench/peers.py --sparring target/dist/sparring \

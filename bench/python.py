@@ -7,6 +7,7 @@ It compares:
 - `make_vec` with 1 024 environments on one thread and arrays of the caller, and `sparring bench` without Python;
 - `make_vec` with and without a curriculum, whose server uses the other cores. Cores share caches and power, so the second
   comparison has a program that keeps a core equally busy;
+- `make_vec` of tasking with 64 environments on one thread, and `sparring bench` without Python;
 - the public Python environment, if a copy of it is given.
 
 Turns alternate in both orders, and medians are compared, since load on the machine disturbs both sides.
@@ -24,6 +25,7 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
+import gymnasium
 import numpy as np
 import sparring
 
@@ -33,6 +35,12 @@ sys.path.insert(0, str(pathlib.Path(__file__).parent))
 TURNS = 20
 #: Duration of a turn, seconds.
 SECONDS = 0.5
+#: Environments of tasking: an episode ends after milliseconds of a core, so that a turn has many.
+TASKING_ENVS = 64
+#: Turns of each comparison of tasking, and the duration of one, seconds.
+TASKING_TURNS, TASKING_SECONDS = 8, 2.0
+#: Tasks of tasking.
+TASKING_TASKS = ("tasking/scanning", "tasking/imaging", "tasking/constellation")
 #: Number of environments.
 ENVS = 1024
 #: Pieces of debris, as in `sparring bench`.
@@ -44,8 +52,10 @@ ACTIONS = 13
 
 
 def draw_actions(envs) -> list:
-    """Draws small burns of about half of the agents."""
+    """Draws small burns of about half of the agents, or random choices of all."""
     rng = np.random.default_rng(0)
+    if isinstance(envs.single_action_space, gymnasium.spaces.MultiDiscrete):
+        return [rng.integers(0, envs.single_action_space.nvec, envs.action_space.shape) for _ in range(ACTIONS)]
     joint_actions = []
     for _ in range(ACTIONS):
         burns = rng.uniform(-BURN, BURN, envs.action_space.shape).astype(np.float32)
@@ -57,26 +67,27 @@ def draw_actions(envs) -> list:
 class Stepping:
     """Environments that are stepped in turns."""
 
-    def __init__(self, **arguments) -> None:
-        self.envs = sparring.make_vec(num_envs=ENVS, autoreset_mode="same_step", threads=1, **arguments)
+    def __init__(self, num_envs: int = ENVS, seconds: float = SECONDS, **arguments) -> None:
+        self.seconds = seconds
+        self.envs = sparring.make_vec(num_envs=num_envs, autoreset_mode="same_step", threads=1, **arguments)
         self.actions = draw_actions(self.envs)
-        flags = (np.zeros(ENVS, np.bool_), np.zeros(ENVS, np.bool_))
-        self.out = (self.envs.empty_observations(), np.zeros(ENVS), *flags)
+        flags = (np.zeros(num_envs, np.bool_), np.zeros(num_envs, np.bool_))
+        self.out = (self.envs.empty_observations(), np.zeros(num_envs), *flags)
         self.envs.reset(seed=None if "curriculum" in arguments else 1, out=self.out[0])
 
     def turn(self) -> float:
         """Returns environment steps per second."""
         steps, started = 0, time.perf_counter()
-        while time.perf_counter() - started < SECONDS:
+        while time.perf_counter() - started < self.seconds:
             for _ in range(8):
                 self.envs.step(self.actions[steps % ACTIONS], out=self.out)
                 steps += 1
-        return steps * ENVS / (time.perf_counter() - started)
+        return steps * self.envs.num_envs / (time.perf_counter() - started)
 
 
-def run_compiled(binary: str, tracks: bool) -> dict:
+def run_compiled(binary: str, tracks: bool, env: str = "kessler", envs: int = ENVS, seconds: float = SECONDS) -> dict:
     """Runs `sparring bench`; returns its report."""
-    command = [binary, "bench", "--env", "kessler", "--envs", str(ENVS), "--seconds", str(SECONDS), "--json"]
+    command = [binary, "bench", "--env", env, "--envs", str(envs), "--seconds", str(seconds), "--json"]
     output = subprocess.run([*command, *(["--tracks"] if tracks else [])], check=True, capture_output=True, text=True)
     return json.loads(output.stdout)
 
@@ -84,6 +95,11 @@ def run_compiled(binary: str, tracks: bool) -> dict:
 def compiled_turn(binary: str, tracks: bool) -> float:
     """Returns environment steps per second of the compiled batch."""
     return run_compiled(binary, tracks)["single_thread_env_steps_per_s"]
+
+
+def compiled_tasking_turn(binary: str, task: str) -> float:
+    """Returns environment steps per second of the compiled batch of a task of tasking."""
+    return run_compiled(binary, False, task, TASKING_ENVS, TASKING_SECONDS)["single_thread_env_steps_per_s"]
 
 
 class Comparison(NamedTuple):
@@ -94,10 +110,10 @@ class Comparison(NamedTuple):
     ratio: float
 
 
-def compare(first: Callable[[], float], second: Callable[[], float]) -> Comparison:
+def compare(first: Callable[[], float], second: Callable[[], float], turns: int = TURNS) -> Comparison:
     """Runs two sides in alternating turns."""
     rates = []
-    for turn in range(TURNS):
+    for turn in range(turns):
         if turn % 2:
             second_rate, first_rate = second(), first()
         else:
@@ -125,6 +141,17 @@ def compare_with_compiled(binary: str) -> float:
         name = f"make_vec of {ENVS}, {observation}, one thread; slowdown factor"
         print_result(name, python, ratio, "goal: at most 1.3")
     return rates["telemetry"]
+
+
+def compare_tasking_with_compiled(binary: str) -> None:
+    """Compares `make_vec` with the compiled batch, for each task of tasking."""
+    for task in TASKING_TASKS:
+        stepping = Stepping(task=task, num_envs=TASKING_ENVS, seconds=TASKING_SECONDS)
+        stepping.turn()  # episodes of all ages, as in the middle of a training
+        compiled, python, ratio = compare(functools.partial(compiled_tasking_turn, binary, task), stepping.turn, TASKING_TURNS)
+        stepping.envs.close()
+        print_result(f"compiled batch of {TASKING_ENVS}, {task}, one thread", compiled)
+        print_result(f"make_vec of {TASKING_ENVS}, {task}, one thread; slowdown factor", python, ratio, "goal: at most 1.3")
 
 
 #: Program that keeps a core busy for a share of the time.
@@ -208,6 +235,7 @@ def main() -> None:
     parser.add_argument("--kessler-env", default="", help="folder with a copy of the public kessler-env")
     args = parser.parse_args()
     ours = compare_with_compiled(args.sparring)
+    compare_tasking_with_compiled(args.sparring)
     compare_with_curriculum(args.sparring)
     if args.kessler_env:
         compare_with_original(args.kessler_env, ours)

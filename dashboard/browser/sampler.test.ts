@@ -55,7 +55,7 @@ test("a staircase shows its rungs with draws, chains and success", async () => {
   await page.context().close();
 });
 
-test("the heat map has the draws of each minute, and is exported", async () => {
+test("the heat map has the draws of each point, and is exported", async () => {
   const { page, problems } = await openRun("staircase");
   const course = panel(page, "Draws of single by start scale");
   const cells = course.getByRole("img").locator("rect > title");
@@ -98,7 +98,7 @@ test("auto gives the reason of its choice for each task", async () => {
 test("a strategy without rungs and a run without results say so", async () => {
   for (const [run, text] of [
     ["fixed", "The strategy draws params instead of rungs."],
-    ["lost", "No results in this time range."],
+    ["lost", "No results in this range."],
   ] as const) {
     const { page, problems } = await openRun(run);
     await page.getByText(text).first().waitFor();
