@@ -14,6 +14,10 @@ pub struct RunOverview {
     pub episodes: i64,
     /// Throughput over the last five minutes, episodes per second.
     pub episodes_per_s: f64,
+    /// Time of the first results, RFC 3339; null before there are any.
+    pub first_results_at: Option<String>,
+    /// Time of the latest results, RFC 3339; null before there are any.
+    pub last_results_at: Option<String>,
     /// Number of active leases.
     pub leases: i64,
     /// Number of prepared scenarios that can be leased.
@@ -22,7 +26,8 @@ pub struct RunOverview {
     pub proposed: i64,
     /// Level and mastery of each task.
     pub tasks: Vec<TaskOverview>,
-    /// Mean skill of all tasks over the life of the run, in at most 60 parts; null for a part without results.
+    /// Mean skill of all tasks from the first results to the latest, in at most 60 parts of equal duration; null for a part without
+    /// results.
     pub skill: Vec<Option<f64>>,
     /// Latest event of the run.
     pub latest_event: Option<LatestEvent>,

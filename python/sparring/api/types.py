@@ -2337,6 +2337,10 @@ class RunOverview(TypedDict):
     """Number of finished episodes, columns included."""
     episodes_per_s: float
     """Throughput over the last five minutes, episodes per second."""
+    first_results_at: NotRequired[str | None]
+    """Time of the first results, RFC 3339; null before there are any."""
+    last_results_at: NotRequired[str | None]
+    """Time of the latest results, RFC 3339; null before there are any."""
     latest_event: NotRequired[LatestEvent | None]
     leases: int
     """Number of active leases."""
@@ -2347,7 +2351,10 @@ class RunOverview(TypedDict):
     run: str
     """Id of the run."""
     skill: list[float | None]
-    """Mean skill of all tasks over the life of the run, in at most 60 parts; null for a part without results."""
+    """
+    Mean skill of all tasks from the first results to the latest, in at most 60 parts of equal duration; null for a part without
+    results.
+    """
     tasks: list[TaskOverview]
     """Level and mastery of each task."""
 

@@ -10,6 +10,7 @@ use sqlx::{QueryBuilder, SqliteConnection, query};
 
 use super::super::{MAX_ROWS, StoreError, from_json, to_json};
 use super::HistoryBucket;
+use super::read::tasks;
 use crate::Millis;
 
 /// Largest number of buckets of a task.
@@ -144,16 +145,44 @@ pub async fn learning_curves(
     conn: &mut SqliteConnection,
     run: &str,
 ) -> Result<BTreeMap<String, Vec<CurvePoint>>, StoreError> {
-    let tasks = query!(r#"SELECT task AS "task!" FROM task_curves WHERE run = ?1 AND ordinal = 0"#, run)
-        .fetch_all(&mut *conn)
-        .await?;
+    let tasks: Vec<String> = from_json("the tasks of a run", &tasks(&mut *conn, run).await?)?;
     let mut curves = BTreeMap::new();
-    for row in tasks {
-        let points =
-            read_rows(&mut *conn, run, &row.task, MAX_BUCKETS).await?.into_iter().map(|row| row.point);
-        curves.insert(row.task, points.collect());
+    for task in tasks {
+        let rows = read_rows(&mut *conn, run, &task, MAX_BUCKETS).await?;
+        if !rows.is_empty() {
+            curves.insert(task, rows.into_iter().map(|row| row.point).collect());
+        }
     }
     Ok(curves)
+}
+
+/// Times between which a run had results.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ActiveSpan {
+    /// Time of the first results, milliseconds since 1970-01-01 UTC.
+    pub first_at: Millis,
+    /// Time of the latest results, milliseconds since 1970-01-01 UTC.
+    pub last_at: Millis,
+}
+
+/// Reads when a run had its first and its latest results; none before there are any.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if a query fails.
+pub async fn active_span(conn: &mut SqliteConnection, run: &str) -> Result<Option<ActiveSpan>, StoreError> {
+    let tasks = tasks(&mut *conn, run).await?;
+    let row = query!(
+        r#"SELECT min((SELECT first_at FROM task_curves WHERE run = ?1 AND task = value ORDER BY ordinal LIMIT 1))
+                      AS "first_at: i64",
+                  max((SELECT last_at FROM task_curves WHERE run = ?1 AND task = value ORDER BY ordinal DESC LIMIT 1))
+                      AS "last_at: i64"
+           FROM json_each(?2)"#,
+        run,
+        tasks
+    )
+    .fetch_one(conn)
+    .await?;
+    Ok(row.first_at.zip(row.last_at).map(|(first_at, last_at)| ActiveSpan { first_at, last_at }))
 }
 
 /// Joins neighbouring points until there are at most `limit`, of about equal numbers of episodes.
@@ -238,7 +267,7 @@ async fn write_rows(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::history::{MasterySample, VersionRange};
+    use crate::history::{MasterySample, VersionRange, add};
 
     /// Results of one moment of the test.
     fn part(number: i64) -> BTreeMap<String, HistoryBucket> {
@@ -261,12 +290,10 @@ mod tests {
         let run = "INSERT INTO runs (id, name, seed, status, settings, created_at) VALUES ('r', 'r', 7, 'active', '{}', 0)";
         sqlx::raw_sql(run).execute(&mut conn).await.unwrap();
         let only_mastery = HistoryBucket { mastery: part(0)["task"].mastery, ..HistoryBucket::default() };
-        add_to_curves(&mut conn, "r", 0, &BTreeMap::from([("other".to_owned(), only_mastery)]))
-            .await
-            .unwrap();
+        add(&mut conn, "r", 0, &BTreeMap::from([("other".to_owned(), only_mastery)])).await.unwrap();
         let all = 5000;
         for number in 0..all {
-            add_to_curves(&mut conn, "r", 100 * number, &part(number)).await.unwrap();
+            add(&mut conn, "r", 100 * number, &part(number)).await.unwrap();
         }
         let curves = learning_curves(&mut conn, "r").await.unwrap();
         assert_eq!(curves.keys().collect::<Vec<_>>(), ["task"], "mastery alone begins no curve");
@@ -282,6 +309,9 @@ mod tests {
         let episodes: i64 = (0..all).map(|number| 3 + number % 3).sum();
         assert_eq!(curve.iter().map(|point| point.episodes).sum::<i64>(), episodes);
         assert_eq!(curve.last().unwrap().bucket.mastery.unwrap().level, Some(4));
+        let span = active_span(&mut conn, "r").await.unwrap().unwrap();
+        assert_eq!((span.first_at, span.last_at), (0, 100 * (all - 1)));
+        assert_eq!(active_span(&mut conn, "other").await.unwrap(), None);
         let thinned = thin_curve(curve.clone(), 100);
         assert!((90..=101).contains(&thinned.len()), "{}", thinned.len());
         assert_eq!(thinned.iter().map(|point| point.episodes).sum::<i64>(), episodes);
@@ -294,7 +324,7 @@ mod tests {
         let run = "INSERT INTO runs (id, name, seed, status, settings, created_at) VALUES ('r', 'r', 7, 'active', '{}', 0)";
         sqlx::raw_sql(run).execute(&mut conn).await.unwrap();
         for at in [0, 1_000, 2_000 + PAUSE, 3_000 + PAUSE, 1_500 + PAUSE] {
-            add_to_curves(&mut conn, "r", at, &part(0)).await.unwrap();
+            add(&mut conn, "r", at, &part(0)).await.unwrap();
         }
         let curve = learning_curves(&mut conn, "r").await.unwrap().remove("task").unwrap();
         let spans: Vec<_> =

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use crate::Millis;
 use crate::task_counters::TaskCounters;
 
-pub use self::curves::{CurvePoint, PAUSE, learning_curves, thin_curve};
+pub use self::curves::{ActiveSpan, CurvePoint, PAUSE, active_span, learning_curves, thin_curve};
 pub use self::read::{HistoryPoint, HistoryWindow, curve};
 pub use self::rungs::{RungKey, RungPoint, RungResults, rung_points};
 pub use self::write::{add, delete_old_minutes};

@@ -3,7 +3,7 @@
 use crate::api_enums::ConvertEnum;
 use api_types::{LatestEvent, RunOverview, TaskOverview};
 use axum::extract::State;
-use store::history::{self, HistoryPoint, HistoryWindow, MINUTE};
+use store::history::{self, HistoryWindow, MINUTE};
 use store::{events, overview, runs};
 
 use crate::engine::error::ServiceError;
@@ -12,11 +12,12 @@ use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::run_reader::acquire_run_reader;
 use crate::http::state::AppState;
+use crate::queries::run_series::{RunPoints, SeriesContent, SeriesPoint, points_over_time};
 use crate::queries::task_levels::{TaskLevel, TaskLevelsQuery};
 use clock::rfc3339;
 
 /// Number of parts of the skill series.
-const SKILL_POINTS: i64 = 60;
+const SKILL_POINTS: usize = 60;
 /// Window of the throughput, in minutes.
 const THROUGHPUT_MINUTES: i64 = 5;
 
@@ -36,8 +37,15 @@ pub(super) async fn get_overview(
     let row = runs::get(&mut conn, run.as_str()).await?;
     let row = row.ok_or_else(|| ServiceError::UnknownRun(run.to_string()))?;
     let (from, recent) = (row.created_at, now - THROUGHPUT_MINUTES * MINUTE);
-    let window = HistoryWindow::new(from, now.max(from + SKILL_POINTS * MINUTE), SKILL_POINTS, now);
-    let points = history::curve(&mut conn, run.as_str(), window).await?;
+    let span = history::active_span(&mut conn, run.as_str()).await?;
+    let skill = match span {
+        Some(span) => {
+            let window = HistoryWindow::new(span.first_at, span.last_at + 1, SKILL_POINTS as i64, now);
+            let content = SeriesContent::Results;
+            skill_series(&points_over_time(&mut conn, run.as_str(), window, SKILL_POINTS, content).await?)
+        }
+        None => Vec::new(),
+    };
     let recent_window = HistoryWindow::new(recent, now, THROUGHPUT_MINUTES, now);
     let recent_points = history::curve(&mut conn, run.as_str(), recent_window).await?;
     let reported: i64 =
@@ -51,11 +59,13 @@ pub(super) async fn get_overview(
         run: run.to_string(),
         episodes: counts.episodes,
         episodes_per_s: reported as f64 / seconds,
+        first_results_at: span.map(|span| rfc3339(span.first_at)),
+        last_results_at: span.map(|span| rfc3339(span.last_at)),
         leases: counts.leases,
         prepared: counts.prepared,
         proposed: counts.proposed,
         tasks: tasks.into_iter().map(TaskOverview::from).collect(),
-        skill: skill_series(&points, window, now),
+        skill,
         latest_event: last.map(|last| LatestEvent { kind: last.kind.convert(), at: rfc3339(last.at) }),
     }))
 }
@@ -75,15 +85,20 @@ impl From<TaskLevel> for TaskOverview {
     }
 }
 
-/// Mean skill of all tasks in each bucket of a window, up to now.
-fn skill_series(points: &[HistoryPoint], window: HistoryWindow, now: i64) -> Vec<Option<f64>> {
-    let parts = usize::try_from((now - window.from) / window.width + 1)
-        .unwrap_or_default()
-        .min(SKILL_POINTS as usize + 1);
+/// Mean skill of all tasks in equal parts of the time of the points.
+fn skill_series(points: &RunPoints) -> Vec<Option<f64>> {
+    let all = || points.tasks.values().flatten();
+    let (from, to) = (all().map(|point| point.from).min(), all().map(|point| point.to).max());
+    let most = points.tasks.values().map(Vec::len).max().unwrap_or(0);
+    let parts = most.min(SKILL_POINTS);
     let mut sums = vec![(0.0, 0_i64); parts];
-    for HistoryPoint { start, bucket, .. } in points {
-        let at = usize::try_from((start - window.from) / window.width).unwrap_or_default();
-        if let Some(sum) = sums.get_mut(at) {
+    let Some((from, duration)) = from.zip(to).map(|(from, to)| (from, (to - from).max(1))) else {
+        return Vec::new();
+    };
+    for SeriesPoint { from: begin, to: end, bucket, .. } in all() {
+        let at = (begin.midpoint(*end) - from) as f64 / duration as f64 * parts as f64;
+        // Results of one moment at the end belong to the last part.
+        if let Some(sum) = sums.get_mut((at as usize).min(parts.saturating_sub(1))) {
             *sum = (sum.0 + bucket.skill_sum, sum.1 + bucket.episodes_with_skill);
         }
     }

@@ -1,0 +1,34 @@
+import { expect, test } from "vitest";
+import { activityOf } from "./activity";
+
+const at = (seconds: number) => new Date(1000 * seconds).toISOString();
+
+test("a run with recent results is running, with its current rate", () => {
+  const overview = { episodes: 500, episodes_per_s: 3, first_results_at: at(100), last_results_at: at(1000) };
+  expect(activityOf(overview, 1_030_000)).toEqual({
+    state: "running",
+    text: "running for 15 min 30 s",
+    rate: 3,
+    rateOf: "last 5 min",
+  });
+});
+
+test("the duration and the rate of an idle run do not change any more", () => {
+  const overview = {
+    episodes: 1800,
+    episodes_per_s: 0,
+    first_results_at: at(100),
+    last_results_at: at(1000),
+  };
+  expect(activityOf(overview, 8_200_000)).toEqual({
+    state: "idle",
+    text: "latest results 2 hr. ago, after 15 min",
+    rate: 2,
+    rateOf: "whole run",
+  });
+});
+
+test("a run without results waits", () => {
+  const overview = { episodes: 0, episodes_per_s: 0, first_results_at: null, last_results_at: null };
+  expect(activityOf(overview, 0).state).toBe("waiting");
+});
