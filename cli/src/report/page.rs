@@ -131,7 +131,6 @@ fn task_section(report: &RunReport, task: &TaskReport) -> anyhow::Result<Markup>
         plain("all episodes", ORANGE, of(&|p| ratio(p.successes as f64, p.episodes))),
         plain("blind panel", MAUVE, of(&|p| ratio(p.panel_success_rate_sum, p.panel_groups))),
     ];
-    let level = [plain("level", BLUE, of(&|p| p.mastery.and_then(|s| s.level).map(|level| level as f64)))];
     let skill = [
         plain("skill", BLUE, of(&|p| ratio(p.skill_sum, p.episodes_with_skill))),
         plain("score", ORANGE, of(&|p| ratio(p.score_sum, p.episodes))),
@@ -142,11 +141,7 @@ fn task_section(report: &RunReport, task: &TaskReport) -> anyhow::Result<Markup>
             html! { (legend(&mastery)) (marks_legend(&marks, thresholds)) },
             draw("success rate", Some(Interval { low: 0.0, high: 1.0 }), thresholds, &marks, &mastery)?,
         ),
-        (
-            "Level".to_owned(),
-            html! { (legend(&level)) (marks_legend(&marks, &[])) },
-            draw("level", Some(level_limits(&level)), &[], &marks, &level)?,
-        ),
+        level_picture(report, task, &times, &marks)?,
         ("Mean skill and score".to_owned(), legend(&skill), draw("skill, score", None, &[], &[], &skill)?),
     ];
     let params = param_curves(task);
@@ -163,6 +158,40 @@ fn task_section(report: &RunReport, task: &TaskReport) -> anyhow::Result<Markup>
         (level_moves(task))
         (failure_modes(task))
     })
+}
+
+/// Returns the level of a task over time, which changes in steps at its moves. Without moves it is that of the samples of mastery.
+fn level_picture(
+    report: &RunReport,
+    task: &TaskReport,
+    sampled_at: &[Millis],
+    marks: &[LevelMark],
+) -> anyhow::Result<(String, Markup, String)> {
+    let level = |level: i64| Some(level as f64);
+    let range = report.range.clone();
+    let (times, values) = match task.moves.first() {
+        None => {
+            let samples =
+                task.points.iter().map(|point| point.bucket.mastery.and_then(|sample| sample.level));
+            (sampled_at.to_vec(), samples.map(|sample| sample.and_then(level)).collect())
+        }
+        Some(first) => {
+            let mut steps = vec![(range.start, first.from_level)];
+            for row in &task.moves {
+                let before = steps.last().and_then(|(_, before)| *before);
+                steps.extend([(row.at, before), (row.at, Some(row.to_level))]);
+            }
+            steps.push((range.end, steps.last().and_then(|(_, last)| *last)));
+            // Moves before the first results are at its begin.
+            let steps = steps.into_iter().map(|(at, step)| (at.max(range.start), step.and_then(level)));
+            steps.unzip()
+        }
+    };
+    let curves = [Curve { name: "level", colour: BLUE, values, intervals: None }];
+    let limits = Some(level_limits(&curves));
+    let chart =
+        Chart { times: &times, range, value_label: "level", limits, thresholds: &[], marks, curves: &curves };
+    Ok(("Level".to_owned(), html! { (legend(&curves)) (marks_legend(marks, &[])) }, chart.draw()?))
 }
 
 /// Returns the level moves in the range of the report.

@@ -22,7 +22,7 @@ test("the duration and the rate of an idle run do not change any more", () => {
   };
   expect(activityOf(overview, 8_200_000)).toEqual({
     state: "idle",
-    text: "latest results 2 hr. ago, after 15 min",
+    text: "ran 15 min, until 2 hr. ago",
     rate: 2,
     rateOf: "whole run",
   });

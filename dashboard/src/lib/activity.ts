@@ -29,6 +29,6 @@ export function activityOf(
     return { state: "running", text, rate: episodes_per_s, rateOf: "last 5 min" };
   }
   const rate = last > first ? (1000 * episodes) / (last - first) : null;
-  const text = `latest results ${ago(last, now)}, after ${formatDuration(last - first)}`;
+  const text = `ran ${formatDuration(last - first)}, until ${ago(last, now)}`;
   return { state: "idle", text, rate, rateOf: "whole run" };
 }
