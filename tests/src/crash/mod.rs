@@ -82,6 +82,15 @@ impl CrashWorld {
         }
     }
 
+    /// Policies of the episodes that trainers claim by columns, and of the server's rollouts. In a curriculum they succeed, so that
+    /// levels are mastered.
+    pub(crate) const fn policies(self) -> CrashPolicies {
+        match self {
+            Self::Tasking => CrashPolicies { columns: "heuristic", rollouts: "heuristic" },
+            Self::Kessler | Self::ShortTasking => CrashPolicies { columns: "hold", rollouts: "random" },
+        }
+    }
+
     /// Observation of a vector session.
     pub(crate) const fn vector_observation(self) -> &'static str {
         match self {
@@ -89,6 +98,15 @@ impl CrashWorld {
             Self::ShortTasking | Self::Tasking => "all",
         }
     }
+}
+
+/// Built-in policies of a crash test.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct CrashPolicies {
+    /// Policy of the episodes in claims of columns.
+    pub(crate) columns: &'static str,
+    /// Policy of the rollouts on the server.
+    pub(crate) rollouts: &'static str,
 }
 
 /// Settings of a crash test.
@@ -201,7 +219,8 @@ async fn create_run(api: &ApiClient, plan: CrashPlan) -> anyhow::Result<()> {
     }
     let created = api.post("/v1/runs", settings).await;
     ensure!(created.status == 201, "the run was not created: {}", created.body);
-    let policy = json!({"policy": "random", "version": 1, "max_unacknowledged_groups": 64}).to_string();
+    let rollouts = plan.world.policies().rollouts;
+    let policy = json!({"policy": rollouts, "version": 1, "max_unacknowledged_groups": 64}).to_string();
     let put = api.request("PUT", &format!("/v1/runs/{RUN}/policy"), "application/json", policy).await;
     ensure!(put.status == 200, "the policy was not set: {}", put.body);
     Ok(())

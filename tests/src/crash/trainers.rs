@@ -100,8 +100,9 @@ impl Trainer {
             ensure!(response.status == 201, "no lease: {}", response.body);
             let lease = Lease(response.body);
             let scenarios = column_scenarios(&lease)?;
+            let policy = self.world.policies().columns;
             let scores: Vec<f64> =
-                scenarios.iter().map(|scenario| run_policy(scenario, "hold").outcome.score).collect();
+                scenarios.iter().map(|scenario| run_policy(scenario, policy).outcome.score).collect();
             let path = format!("/leases/{}/columns", lease.id());
             let claim = self.request("POST", &path, &json!({"score": scores})).await?;
             if claim.status == 409 {
@@ -116,7 +117,7 @@ impl Trainer {
             };
             for batch in audited.chunks(8) {
                 let results = batch.iter().map(|id| {
-                    Ok(episode_result(id.as_str().unwrap_or_default(), &scenarios[index(id)?], "hold"))
+                    Ok(episode_result(id.as_str().unwrap_or_default(), &scenarios[index(id)?], policy))
                 });
                 self.report("columns", &results.collect::<anyhow::Result<Vec<_>>>()?).await?;
             }
