@@ -7,7 +7,7 @@ test("a run with recent results is running, with its current rate", () => {
   const overview = { episodes: 500, episodes_per_s: 3, first_results_at: at(100), last_results_at: at(1000) };
   expect(activityOf(overview, 1_030_000)).toEqual({
     state: "running",
-    text: "running for 15 min 30 s",
+    text: "for 15 min 30 s",
     rate: 3,
     rateOf: "last 5 min",
   });
@@ -22,7 +22,7 @@ test("the duration and the rate of an idle run do not change any more", () => {
   };
   expect(activityOf(overview, 8_200_000)).toEqual({
     state: "idle",
-    text: "ran 15 min, until 2 hr. ago",
+    text: "for 2 h, after 15 min with results",
     rate: 2,
     rateOf: "whole run",
   });

@@ -1,13 +1,13 @@
 /** What a run does now, by its latest results. */
 import type { RunOverview } from "./api-types";
-import { ago, formatDuration } from "./format";
+import { formatDuration } from "./format";
 
 /** Time without results after which a run counts as idle, in milliseconds. */
 const IDLE_MS = 60_000;
 
 export interface Activity {
   state: "waiting" | "running" | "idle";
-  /** How long the run has been running, or when it stopped. */
+  /** How long the run has been in this state, after the name of the state. */
   text: string;
   /** Episodes per second: of the last five minutes, or of the whole run if it is idle; null before there are results. */
   rate: number | null;
@@ -22,13 +22,13 @@ export function activityOf(
 ): Activity {
   const { episodes, episodes_per_s, first_results_at, last_results_at } = overview;
   if (!first_results_at || !last_results_at)
-    return { state: "waiting", text: "no results yet", rate: null, rateOf: "no results" };
+    return { state: "waiting", text: "for its first results", rate: null, rateOf: "no results" };
   const [first, last] = [new Date(first_results_at).getTime(), new Date(last_results_at).getTime()];
   if (now - last <= IDLE_MS) {
-    const text = `running for ${formatDuration(Math.max(0, now - first))}`;
+    const text = `for ${formatDuration(Math.max(0, now - first))}`;
     return { state: "running", text, rate: episodes_per_s, rateOf: "last 5 min" };
   }
   const rate = last > first ? (1000 * episodes) / (last - first) : null;
-  const text = `ran ${formatDuration(last - first)}, until ${ago(last, now)}`;
+  const text = `for ${formatDuration(now - last)}, after ${formatDuration(last - first)} with results`;
   return { state: "idle", text, rate, rateOf: "whole run" };
 }

@@ -107,8 +107,7 @@ pub async fn points_over_time(
         curves.retain(|_, curve| !curve.is_empty());
         let curves = curves.into_iter().map(|(task, curve)| (task, with_gaps(points_of_curve(curve, limit))));
         let curves: BTreeMap<_, _> = curves.collect();
-        // Results of older versions of the server are in no curve.
-        if curves.len() == tasks.len() && most_points(&curves) > most_points(&tasks) {
+        if has_results_of(&curves, &tasks) && most_points(&curves) > most_points(&tasks) {
             return Ok(RunPoints { from, to, resolution: SeriesResolution::Episodes, tasks: curves });
         }
     }
@@ -144,6 +143,20 @@ pub async fn points_over_episodes(
     }
     curves.retain(|_, curve| !curve.is_empty());
     Ok(curves.into_iter().map(|(task, curve)| (task, points_of_curve(curve, limit))).collect())
+}
+
+/// True if the curves have as many episodes as the intervals: results of older versions of the server are in no curve.
+fn has_results_of(
+    curves: &BTreeMap<String, Vec<SeriesPoint>>,
+    intervals: &BTreeMap<String, Vec<SeriesPoint>>,
+) -> bool {
+    let episodes = |points: &[SeriesPoint]| -> i64 {
+        points.iter().map(|point| point.bucket.episodes + point.bucket.claimed_episodes).sum()
+    };
+    let has = |(task, of_task): (&String, &Vec<SeriesPoint>)| {
+        curves.get(task).is_some_and(|curve| episodes(curve) >= episodes(of_task))
+    };
+    intervals.iter().all(has)
 }
 
 /// Largest number of points of a task.
@@ -220,6 +233,15 @@ mod tests {
         let shown: Vec<(Millis, i64)> =
             points.iter().map(|point| (point.from, point.bucket.episodes)).collect();
         assert_eq!(shown, [(0, 1), (60, 2), (120, 0), (300, 0), (300, 3)]);
+    }
+
+    #[test]
+    fn curves_without_earlier_results_are_incomplete() {
+        let of = |points: &[SeriesPoint]| BTreeMap::from([("task".to_owned(), points.to_vec())]);
+        let intervals = of(&[point(0, 60, 3), point(60, 120, 4)]);
+        assert!(has_results_of(&of(&[point(10, 20, 3), point(70, 90, 4)]), &intervals));
+        assert!(!has_results_of(&of(&[point(70, 80, 2), point(80, 90, 2)]), &intervals));
+        assert!(!has_results_of(&BTreeMap::new(), &intervals));
     }
 
     #[test]

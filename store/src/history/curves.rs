@@ -283,12 +283,18 @@ mod tests {
         BTreeMap::from([("task".to_owned(), bucket)])
     }
 
+    /// Opens a new database that has the run `r`.
+    async fn open_with_run(path: &std::path::Path) -> SqliteConnection {
+        let mut conn = crate::open_writer(path).await.unwrap();
+        let run = "INSERT INTO runs (id, name, seed, status, settings, created_at) VALUES ('r', 'r', 7, 'active', '{}', 0)";
+        sqlx::raw_sql(run).execute(&mut conn).await.unwrap();
+        conn
+    }
+
     #[tokio::test]
     async fn full_curve_is_joined_and_keeps_all_results() {
         let folder = tempfile::tempdir().unwrap();
-        let mut conn = crate::open_writer(&folder.path().join("db")).await.unwrap();
-        let run = "INSERT INTO runs (id, name, seed, status, settings, created_at) VALUES ('r', 'r', 7, 'active', '{}', 0)";
-        sqlx::raw_sql(run).execute(&mut conn).await.unwrap();
+        let mut conn = open_with_run(&folder.path().join("db")).await;
         let only_mastery = HistoryBucket { mastery: part(0)["task"].mastery, ..HistoryBucket::default() };
         add(&mut conn, "r", 0, &BTreeMap::from([("other".to_owned(), only_mastery)])).await.unwrap();
         let all = 5000;
@@ -320,9 +326,7 @@ mod tests {
     #[tokio::test]
     async fn results_after_a_pause_begin_a_bucket() {
         let folder = tempfile::tempdir().unwrap();
-        let mut conn = crate::open_writer(&folder.path().join("db")).await.unwrap();
-        let run = "INSERT INTO runs (id, name, seed, status, settings, created_at) VALUES ('r', 'r', 7, 'active', '{}', 0)";
-        sqlx::raw_sql(run).execute(&mut conn).await.unwrap();
+        let mut conn = open_with_run(&folder.path().join("db")).await;
         for at in [0, 1_000, 2_000 + PAUSE, 3_000 + PAUSE, 1_500 + PAUSE] {
             add(&mut conn, "r", at, &part(0)).await.unwrap();
         }
