@@ -25,6 +25,30 @@ test("pages are not wider than a phone", async () => {
   }
 });
 
+test("tables are cards and interval charts fill the width of a phone", async () => {
+  const observed = await openPage(browser, url, { width: 390, height: 844 });
+  const { page, problems } = observed;
+  await visit(page, url, `/runs/${run}/episodes`);
+  await waitUntilIdle(observed);
+  const row = page.locator(".wide tbody tr").first();
+  expect(await row.evaluate((node) => getComputedStyle(node).display)).toBe("grid");
+  expect(await row.getByRole("cell").count()).toBeGreaterThan(5);
+  const labels = await row
+    .locator("[data-label]")
+    .evaluateAll((cells) => cells.map((cell) => (cell as HTMLElement).dataset["label"]));
+  expect(labels.slice(0, 4)).toEqual(["Episode", "Task", "Level", "Role"]);
+
+  await visit(page, url, "/evaluations/eval-1");
+  await waitUntilIdle(observed);
+  const widths = await page
+    .locator("figure .chart > svg")
+    .evaluateAll((charts) => charts.map((chart) => chart.getBoundingClientRect().width));
+  expect(widths.length).toBeGreaterThan(0);
+  for (const width of widths) expect(width).toBeGreaterThan(300);
+  expect(problems).toEqual([]);
+  await page.context().close();
+});
+
 test("the first load is small and uses one address only", async () => {
   const observed = await openPage(browser, url);
   const { page, problems } = observed;
