@@ -12,7 +12,7 @@ const fixture = useFixture(async (server) => {
 test("events appear live and once, also after a restart", async () => {
   const { server } = fixture;
   const { page } = await fixture.openPage();
-  await visit(page, server.url, "/runs/run");
+  await visit(page, server.url, "/runs/run?tab=activity");
   const status = page.getByRole("status");
   await page.getByText("live", { exact: true }).waitFor();
   await reportHeldEpisodes(server, "run", 8);

@@ -21,6 +21,11 @@ export async function pagesOfTrainedRun(url: string, run: string): Promise<Recor
   return {
     runs: { route: "/", text: "sparring demo" },
     run: { route: `/runs/${run}`, text: "Mastery of survival" },
+    "run-parameters": { route: `/runs/${run}?tab=parameters`, text: "bodies the generator draws" },
+    "run-failures": { route: `/runs/${run}?tab=failures`, text: "Failure modes" },
+    "run-trainer": { route: `/runs/${run}?tab=trainer`, text: "Policy versions" },
+    "run-activity": { route: `/runs/${run}?tab=activity`, text: "Level moves" },
+    "run-settings": { route: `/runs/${run}?tab=settings`, text: "Strategy: ladder" },
     failures: { route: `/runs/${run}/failures`, text: "collision" },
     episodes: { route: `/runs/${run}/episodes`, text: "Role" },
     replay: { route: `/runs/${run}/episodes/${failures[0]?.episode ?? ""}?step=3`, text: "Timeline" },
@@ -40,6 +45,8 @@ export async function pagesOfTrainedRun(url: string, run: string): Promise<Recor
 export const PAGES_OF_EMPTY_RUN: Record<string, PageCase> = {
   runs: { route: "/", text: "Active leases" },
   run: { route: "/runs/new", text: "No episodes yet" },
+  "run-failures": { route: "/runs/new?tab=failures", text: "No episodes analysed yet" },
+  "run-activity": { route: "/runs/new?tab=activity", text: "No level has moved" },
   failures: { route: "/runs/new/failures", text: "No episodes analysed yet" },
   episodes: { route: "/runs/new/episodes", text: "No episodes yet" },
   designs: { route: "/runs/new/designs", text: "No designs yet" },

@@ -76,7 +76,7 @@ test("the heat map has the draws of each point, and is exported", async () => {
 });
 
 test("auto gives the reason of its choice for each task", async () => {
-  const { page, problems } = await openRun("auto");
+  const { page, problems } = await openRun("auto?task=all");
   await panel(page, "Sampler of survival: staircase")
     .getByText("Chosen by auto, because it needed")
     .waitFor();

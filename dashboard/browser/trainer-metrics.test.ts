@@ -62,10 +62,10 @@ async function log(server: SparringServer, run: string, step: number, metrics: o
   await server.post(`/v1/runs/${run}/metrics`, { step, metrics });
 }
 
-/** Opens the page of a run and waits until its charts are drawn. */
+/** Opens the tab of the trainer of a run and waits until its charts are drawn. */
 async function openRun(run: string): Promise<ObservedPage> {
   const observed = await fixture.openPage();
-  await visit(observed.page, fixture.server.url, `/runs/${run}`);
+  await visit(observed.page, fixture.server.url, `/runs/${run}?tab=trainer`);
   await waitUntilIdle(observed);
   return observed;
 }
@@ -101,7 +101,7 @@ test("the x axis is time or the trainer's step, and gaps stay gaps", async () =>
   expect(byTime[0]).toBe('time,"loss"');
   expect(byTime).toHaveLength(1 + REPORTS);
   expect(byTime[5]).toMatch(/^\d{4}-\d\d-\d\dT[^,]*,$/);
-  await section(page).getByLabel("x axis").selectOption("step");
+  await page.getByLabel("x axis").selectOption("step");
   await chart(page, "train/loss").hover();
   const pointed = section(page).locator("figure", { hasText: "loss:" }).locator(".pointed");
   await expect.poll(() => pointed.textContent()).toMatch(/^step [\d,]+: /);
@@ -154,7 +154,7 @@ test("a range selected on a metric applies to all charts", async () => {
   await expect.poll(async () => (await readCsv(page, "entropy")).length).toBe(1 + REPORTS);
 
   // Steps are selected by the times at which they were reported: 2 250 to 6 750 are the reports 3 to 6.
-  await section(page).getByLabel("x axis").selectOption("step");
+  await page.getByLabel("x axis").selectOption("step");
   await waitUntilIdle(observed);
   const [first, last] = await selectOn(page, "train/kl", 0.25, 0.75);
   expect((last - first) / 3600).toBeCloseTo(3, 2);
@@ -182,7 +182,7 @@ test("constant and extreme values and steps are drawn", async () => {
   const observed = await openRun("extreme");
   const { page, problems } = observed;
   for (const axis of ["time", "step"]) {
-    await section(page).getByLabel("x axis").selectOption(axis);
+    await page.getByLabel("x axis").selectOption(axis);
     await waitUntilIdle(observed);
     expect(await section(page).locator("canvas").count()).toBe(Object.keys(EXTREMES).length);
   }
@@ -212,7 +212,7 @@ test("the charts are accessible in both colour schemes and on a phone", async ()
       const observed = await fixture.openPage({ dark });
       const name = `trainer-metrics-${run}-${dark ? "dark" : "light"}`;
       await checkPage(observed, fixture.server.url, name, {
-        route: `/runs/${run}`,
+        route: `/runs/${run}?tab=trainer`,
         text: "Trainer metrics",
       });
       await checkAccessibility(observed, name);
@@ -220,7 +220,7 @@ test("the charts are accessible in both colour schemes and on a phone", async ()
     }
     const observed = await fixture.openPage({ width: 390, height: 844 });
     await checkPage(observed, fixture.server.url, `trainer-metrics-${run}-phone`, {
-      route: `/runs/${run}`,
+      route: `/runs/${run}?tab=trainer`,
       text: "Trainer metrics",
     });
     const overflow = await observed.page.evaluate(

@@ -104,6 +104,10 @@ test("markup is neither rendered nor executed", async () => {
   const routes = [
     "/",
     "/runs/run",
+    "/runs/run?tab=failures",
+    "/runs/run?tab=trainer",
+    "/runs/run?tab=activity",
+    "/runs/run?tab=settings",
     "/runs/run/designs",
     `/runs/run/designs/${designs[0]?.id ?? ""}`,
     "/runs/run/episodes",
@@ -135,7 +139,8 @@ test("bidirectional control characters are shown as escapes", async () => {
   const { page } = await openPage(browser, server.url);
   for (const route of [
     "/",
-    "/runs/run",
+    "/runs/run?tab=trainer",
+    "/runs/run?tab=activity",
     "/runs/run/failures",
     `/runs/run/episodes/${failedEpisode}`,
     "/evaluations",

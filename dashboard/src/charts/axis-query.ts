@@ -1,7 +1,8 @@
-/** The axis of the charts of a run in addresses and requests. */
+/** The axes of the charts of a run in addresses and requests. */
 import type { Interval } from "./shown-range.svelte";
 import { DEFAULT_SMOOTHING } from "./smoothing";
-import { isTimeAxis, RUN_AXES, type XAxis } from "./x-axis";
+import { DEFAULT_VALUE_AXIS, type ValueAxis } from "./value-axis";
+import { hasTimeRange, RUN_AXES, type XAxis } from "./x-axis";
 
 /** What the charts of a run show. */
 export interface AxisSelection {
@@ -10,9 +11,11 @@ export interface AxisSelection {
   selected: Interval | null;
   /** Weight of the earlier values in smoothed curves, 0 to 0.95. */
   smoothing: number;
+  /** Value axes of the charts without fixed bounds. */
+  values: ValueAxis;
 }
 
-/** Reads axis and selection from the query of an address; what is missing or invalid is the default. */
+/** Reads axes and selection from the query of an address; what is missing or invalid is the default. */
 export function parseAxisQuery(query: string): AxisSelection {
   const params = new URLSearchParams(query);
   const kind = RUN_AXES.find(([axis]) => axis === params.get("x"))?.[0] ?? "time";
@@ -22,15 +25,23 @@ export function parseAxisQuery(query: string): AxisSelection {
     kind,
     selected: from >= 0 && to > from && Number.isFinite(to) ? { from, to } : null,
     smoothing: weight >= 0 && weight <= 0.95 ? weight : DEFAULT_SMOOTHING,
+    values: {
+      scale: params.get("y") === "log" ? "log" : DEFAULT_VALUE_AXIS.scale,
+      clip: params.get("outliers") === "clip",
+      shared: params.get("range") === "group",
+    },
   };
 }
 
-/** Returns axis and selection as the query of an address; empty for the defaults. */
-export function axisQuery({ kind, selected, smoothing }: AxisSelection): string {
-  const text = (value: number) => String(Number(value.toFixed(isTimeAxis(kind) ? 3 : 0)));
+/** Returns axes and selection as the query of an address; empty for the defaults. */
+export function axisQuery({ kind, selected, smoothing, values }: AxisSelection): string {
+  const text = (value: number) => String(Number(value.toFixed(hasTimeRange(kind) ? 3 : 0)));
   return new URLSearchParams({
     ...(kind === "time" ? {} : { x: kind }),
     ...(smoothing === DEFAULT_SMOOTHING ? {} : { smooth: String(smoothing) }),
+    ...(values.scale === "log" ? { y: "log" } : {}),
+    ...(values.clip ? { outliers: "clip" } : {}),
+    ...(values.shared ? { range: "group" } : {}),
     ...(selected ? { from: text(selected.from), to: text(selected.to) } : {}),
   }).toString();
 }

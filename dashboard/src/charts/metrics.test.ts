@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { groupMetrics, metricCurve, shortName, stepInterval, timesOfSteps } from "./metrics";
+import { groupMetrics, metricCurve, shortName } from "./metrics";
 
 const metric = (name: string, step: number[] = [1], value: (number | null)[] = [0.5], at = step) => ({
   name,
@@ -42,20 +42,6 @@ test("a filter keeps names with all of its words", () => {
 
 test("a curve over time is ordered by time when a training resumed from an earlier step", () => {
   const resumed = metric("loss", [10, 20, 30], [3, null, 1], [100, 400, 300]);
-  expect(metricCurve(resumed, "step")).toEqual({ x: [10, 20, 30], values: [3, null, 1] });
-  expect(metricCurve(resumed, "time")).toEqual({ x: [100, 300, 400], values: [3, 1, null] });
-});
-
-test("the step axis has the steps of all metrics", () => {
-  expect(stepInterval([metric("a", [5, 9], [1, 1]), metric("b", [2], [1])])).toEqual({ from: 2, to: 9 });
-  expect(stepInterval([metric("a", [5])])).toEqual({ from: 5, to: 6 });
-  expect(stepInterval([])).toEqual({ from: 0, to: 1 });
-  const { from, to } = stepInterval([metric("a", [Number.MAX_SAFE_INTEGER])]);
-  expect(from + (to - from) / 1000).toBeGreaterThan(from); // the axis can be divided
-});
-
-test("selected steps are the times at which they were reported", () => {
-  const metrics = [metric("a", [10, 20, 30], [1, 1, 1], [100, 200, 300]), metric("b", [25], [1], [260])];
-  expect(timesOfSteps(metrics, { from: 15, to: 26 })).toEqual({ from: 200, to: 260 });
-  expect(timesOfSteps(metrics, { from: 31, to: 40 })).toBeUndefined();
+  expect(metricCurve(resumed, resumed.step)).toEqual({ x: [10, 20, 30], values: [3, null, 1] });
+  expect(metricCurve(resumed, resumed.at)).toEqual({ x: [100, 300, 400], values: [3, 1, null] });
 });

@@ -14,6 +14,17 @@ export interface Curve {
   dashed?: boolean;
   /** True if the value is constant between points: drawn as steps. */
   stepped?: boolean;
+  /** Values before they were scaled for the drawing, for the legend and the CSV file. */
+  source?: CurveSource;
+}
+
+/** Values of a curve in their own unit. */
+export interface CurveSource {
+  values: (number | null)[];
+  low?: (number | null)[];
+  high?: (number | null)[];
+  /** Formats a value with its unit. */
+  format: (value: number) => string;
 }
 
 /** Labelled position on a chart, for example of a level move. */
@@ -27,15 +38,18 @@ export interface Marker {
 /** Formats curves as comma-separated values; `x` has the positions on the axis: seconds since 1970, or others. */
 export function csv(x: number[], curves: Curve[], xAxis: XAxis = "time"): string {
   const quoted = (text: string) => `"${text.replaceAll('"', '""')}"`;
-  const columns = curves.flatMap((curve) => [
-    { name: curve.label, values: curve.values },
-    ...(curve.low && curve.high
-      ? [
-          { name: `${curve.label}, low`, values: curve.low },
-          { name: `${curve.label}, high`, values: curve.high },
-        ]
-      : []),
-  ]);
+  const columns = curves.flatMap((curve) => {
+    const { values, low, high } = curve.source ?? curve;
+    return [
+      { name: curve.label, values },
+      ...(low && high
+        ? [
+            { name: `${curve.label}, low`, values: low },
+            { name: `${curve.label}, high`, values: high },
+          ]
+        : []),
+    ];
+  });
   const head = [xAxis, ...columns.map((column) => quoted(column.name))].join(",");
   const position = (at: number) => (xAxis === "time" ? new Date(1000 * at).toISOString() : at);
   const rows = x.map((at, i) => [position(at), ...columns.map((column) => column.values[i] ?? "")].join(","));

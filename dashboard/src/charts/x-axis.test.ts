@@ -1,4 +1,5 @@
 import { expect, test } from "vitest";
+import { stepClock } from "./step-clock";
 import { durationText, episodesAt, middle, positionOf, spans, type PlacedPoints } from "./x-axis";
 
 const POINTS: PlacedPoints = {
@@ -26,6 +27,12 @@ test("each axis places the points of a series", () => {
     { from: 1, to: 1 },
     { from: 1, to: 4 },
     { from: 4, to: 4 },
+  ]);
+  const clock = stepClock([{ at: [100, 120], step: [0, 40] }]);
+  expect(spans("step", POINTS, 100, clock)).toEqual([
+    { from: 0, to: 20 },
+    { from: 20, to: 40 },
+    { from: 40, to: 40 },
   ]);
 });
 

@@ -1,5 +1,6 @@
 /** Horizontal axes of the charts of a run: positions of points on them, and conversions between time and position. */
 import type { TaskSeries } from "../lib/api-types";
+import { EMPTY_CLOCK, stepAt, type StepClock } from "./step-clock";
 
 /** Quantity of the horizontal axis. `step` is the trainer's step, `steps` are environment steps of a task. */
 export type XAxis = "time" | "elapsed" | "episodes" | "steps" | "version" | "step";
@@ -11,6 +12,7 @@ export const RUN_AXES: [XAxis, string][] = [
   ["episodes", "episodes"],
   ["steps", "environment steps"],
   ["version", "policy version"],
+  ["step", "trainer step"],
 ];
 
 /** Label below a chart. */
@@ -20,12 +22,17 @@ export const AXIS_LABELS: Record<XAxis, string> = {
   episodes: "episodes of the task",
   steps: "environment steps of the task",
   version: "policy version",
-  step: "step",
+  step: "step of the trainer",
 };
 
 /** True if positions are seconds; otherwise they are numbers of episodes, steps or versions. */
 export function isTimeAxis(axis: XAxis): boolean {
   return axis === "time" || axis === "elapsed";
+}
+
+/** True if the user selects an interval of time on this axis; otherwise an interval of episodes. */
+export function hasTimeRange(axis: XAxis): boolean {
+  return isTimeAxis(axis) || axis === "step";
 }
 
 /** Position of a point of a series. */
@@ -41,8 +48,26 @@ export type PlacedPoints = Pick<
 > &
   Partial<Pick<TaskSeries, "claimed" | "version_high">>;
 
-/** Returns the part of the axis that each point covers. `start` is the start of the run in seconds since 1970. */
-export function spans(axis: XAxis, points: PlacedPoints, start: number): Span[] {
+/** Points of a task without episodes. */
+export const NO_POINTS: PlacedPoints = {
+  at: [],
+  until: [],
+  first_episode: [],
+  first_step: [],
+  steps: [],
+  episodes: [],
+};
+
+/**
+ * Returns the part of the axis that each point covers. `start` is the start of the run in seconds since 1970, `clock` has the
+ * steps of its trainer.
+ */
+export function spans(
+  axis: XAxis,
+  points: PlacedPoints,
+  start: number,
+  clock: StepClock = EMPTY_CLOCK,
+): Span[] {
   let newest = 0;
   return points.at.map((at, i) => {
     const until = points.until[i] ?? at;
@@ -64,6 +89,8 @@ export function spans(axis: XAxis, points: PlacedPoints, start: number): Span[] 
         newest = Math.max(newest, points.version_high?.[i] ?? 0);
         return { from: i === 0 ? newest : from, to: newest };
       }
+      case "step":
+        return { from: stepAt(clock, at), to: stepAt(clock, until) };
       default:
         return { from: at, to: until };
     }
@@ -107,4 +134,11 @@ export function durationText(seconds: number, step: number): string {
   ];
   const [size, unit] = units.find(([size]) => Math.abs(seconds) >= size && step >= size / 10) ?? [1, "s"];
   return `${String(Number((seconds / size).toFixed(step >= size ? 0 : 1)))} ${unit}`;
+}
+
+/** Formats a position on an axis as text: a time, a duration or a number. */
+export function positionText(axis: XAxis, at: number): string {
+  if (axis === "time") return new Date(1000 * at).toLocaleString();
+  if (axis === "elapsed") return durationText(at, 0);
+  return at.toLocaleString("en", { maximumFractionDigits: axis === "step" ? 3 : 0 });
 }

@@ -50,6 +50,8 @@ export class EventStream {
     private readonly onReconnect: () => void,
     /** Number of past events that the stream starts with. */
     private readonly initialEvents: number,
+    /** Kinds of the events, separated by commas; all of them by default. */
+    private readonly kinds = "",
   ) {
     void this.#connectUntilClosed();
   }
@@ -93,9 +95,10 @@ export class EventStream {
     const headers: Record<string, string> = { Accept: "text/event-stream" };
     if (session.token) headers["Authorization"] = `Bearer ${session.token}`;
     if (this.#lastId !== undefined) headers["Last-Event-ID"] = this.#lastId;
+    const kinds = this.kinds ? `&kind=${encodeURIComponent(this.kinds)}` : "";
     try {
       const response = await fetch(
-        `/v1/runs/${encodeURIComponent(this.run)}/events?last=${String(this.initialEvents)}`,
+        `/v1/runs/${encodeURIComponent(this.run)}/events?last=${String(this.initialEvents)}${kinds}`,
         {
           headers,
           signal: AbortSignal.any([this.#closed.signal, timeout.signal]),
