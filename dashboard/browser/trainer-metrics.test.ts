@@ -186,6 +186,12 @@ test("constant and extreme values and steps are drawn", async () => {
     await waitUntilIdle(observed);
     expect(await section(page).locator("canvas").count()).toBe(Object.keys(EXTREMES).length);
   }
+  await page.getByLabel("y axis").selectOption("logarithmic");
+  for (const range of ["of the group", "of each chart"]) {
+    await page.getByRole("combobox", { name: "range" }).selectOption(range);
+    await waitUntilIdle(observed);
+    expect(await section(page).locator("canvas").count()).toBe(Object.keys(EXTREMES).length);
+  }
   const title = section(page).getByRole("heading", { name: "largest: 1e308", exact: true });
   expect(await title.count()).toBe(1);
   expect(problems).toEqual([]);

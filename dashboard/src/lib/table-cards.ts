@@ -28,11 +28,14 @@ export function labelCells(table: HTMLTableElement) {
   }
 }
 
-/** Returns the place that a cell needs in a card: the title, the whole width, one column, or none. */
-function sizeOf(cell: HTMLTableCellElement, column: number): "title" | "long" | "short" | "none" {
+/** Place of a cell in a card: the title, a title that is a number and needs its label, the whole width, a column, or none. */
+type CellSize = "title" | "number" | "long" | "short" | "none";
+
+/** Returns the place that a cell needs in a card. */
+function sizeOf(cell: HTMLTableCellElement, column: number): CellSize {
   const text = cell.textContent.trim();
   if (text === "" && cell.childElementCount === 0) return "none";
-  if (column === 0 && cell.colSpan === 1) return "title";
+  if (column === 0 && cell.colSpan === 1) return /^[\d.,]+$/.test(text) ? "number" : "title";
   return text.length > LONG_TEXT || cell.colSpan > 1 ? "long" : "short";
 }
 

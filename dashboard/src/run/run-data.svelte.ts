@@ -3,7 +3,7 @@ import { timeQuery } from "../charts/axis-query";
 import type { RunAxis } from "../charts/run-axis.svelte";
 import { endOfData, type Interval } from "../charts/shown-range.svelte";
 import { stepClock } from "../charts/step-clock";
-import { hasTimeRange, isTimeAxis } from "../charts/x-axis";
+import { hasTimeRange, isTimeAxis, type XAxis } from "../charts/x-axis";
 import { client, unwrap } from "../lib/api";
 import type {
   RecordedMove,
@@ -43,6 +43,8 @@ export class RunData {
   metrics = $state.raw<TrainerMetric[]>([]);
   /** True once the trainer has logged a metric; it stays true when the selected range has none. */
   hasMetrics = $state(false);
+  /** Quantity of the axis of the last load. */
+  loadedAxis = $state<XAxis>();
   /** Number of loads; other parts of the page load together with it. */
   loads = $state(0);
   error = $state<unknown>(null);
@@ -73,7 +75,8 @@ export class RunData {
     const isCurrent = this.#latest.begin();
     this.#isLoading = true;
     this.#isStale = false;
-    const selected = this.#axis.range.selected;
+    const { kind, range } = this.#axis;
+    const { selected } = range;
     const path = { run: this.#run };
     try {
       const [charts, mastery, newMoves, overview, details] = await Promise.all([
@@ -86,7 +89,7 @@ export class RunData {
       if (!isCurrent()) return;
       let { series, sampler } = charts;
       // Without recent episodes the curves would fill only the left part: load the part with data.
-      const end = selected || !isTimeAxis(this.#axis.kind) ? undefined : quietEnd(series);
+      const end = selected || !isTimeAxis(kind) ? undefined : quietEnd(series);
       if (end !== undefined)
         ({ series, sampler } = await this.#loadCharts(
           timeQuery({ from: seconds(series.from), to: end }),
@@ -101,6 +104,7 @@ export class RunData {
       this.#storeMetrics(metrics, options);
       this.#axis.start = seconds(details.created_at);
       this.#setAvailable(series, mastery);
+      this.loadedAxis = kind;
       this.loads += 1;
       this.error = null;
     } catch (error) {
