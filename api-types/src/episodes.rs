@@ -171,6 +171,19 @@ pub struct Episode {
     /// Actions, one entry for each step: a list of `[agent, value, …]`.
     #[schema(value_type = Option<Object>)]
     pub actions: Option<Value>,
+    /// Other episodes of the run and of the group.
+    pub neighbours: EpisodeNeighbours,
+}
+
+/// Reported episodes around an episode, among those that the run keeps complete.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+pub struct EpisodeNeighbours {
+    /// Id of the episode before it, by lease and index; null for the first one.
+    pub previous: Option<String>,
+    /// Id of the episode after it, by lease and index; null for the last one.
+    pub next: Option<String>,
+    /// Episodes of the same group by index, the episode itself included, at most 64.
+    pub group: Vec<EpisodeSummary>,
 }
 
 /// Replay of an episode, step by step.

@@ -2683,29 +2683,6 @@ class DesignRequestPage(TypedDict):
     """Requests of the page, newest first."""
 
 
-class Episode(EpisodeSummary):
-    """Episode with its scenario."""
-
-    actions: NotRequired[dict[str, Any] | None]
-    """Actions, one entry for each step: a list of `[agent, value, …]`."""
-    bracket: NotRequired[ScenarioBracket | None]
-    contested: bool
-    """True if the scenario is contested."""
-    floor: NotRequired[float | None]
-    """Floor at the time of the report."""
-    metrics: NotRequired[dict[str, Any] | None]
-    """Metrics that the trainer reported."""
-    outcome: NotRequired[EpisodeOutcome | None]
-    reason: NotRequired[str | None]
-    """Reason of a failure."""
-    reference: NotRequired[float | None]
-    """Reference score at the time of the report."""
-    scenario: NotRequired[dict[str, Any] | None]
-    """Complete scenario; null if the run no longer keeps it."""
-    scenario_id: NotRequired[str | None]
-    """Id of the scenario; null if the run no longer keeps it."""
-
-
 class EpisodeCritique(Critique):
     """Critique of one episode of a run."""
 
@@ -2713,6 +2690,17 @@ class EpisodeCritique(Critique):
     """Id of the episode."""
     task: str
     """Id of the task."""
+
+
+class EpisodeNeighbours(TypedDict):
+    """Reported episodes around an episode, among those that the run keeps complete."""
+
+    group: list[EpisodeSummary]
+    """Episodes of the same group by index, the episode itself included, at most 64."""
+    next: NotRequired[str | None]
+    """Id of the episode after it, by lease and index; null for the last one."""
+    previous: NotRequired[str | None]
+    """Id of the episode before it, by lease and index; null for the first one."""
 
 
 class EpisodePage(TypedDict):
@@ -2866,6 +2854,31 @@ class DeliveredGroup(TrajectoryGroup):
     """Number of deliveries, this one included. If it is above 1, the trainer may have used the group before."""
     id: int
     """Id of the group, unique and never reused."""
+
+
+class Episode(EpisodeSummary):
+    """Episode with its scenario."""
+
+    actions: NotRequired[dict[str, Any] | None]
+    """Actions, one entry for each step: a list of `[agent, value, …]`."""
+    bracket: NotRequired[ScenarioBracket | None]
+    contested: bool
+    """True if the scenario is contested."""
+    floor: NotRequired[float | None]
+    """Floor at the time of the report."""
+    metrics: NotRequired[dict[str, Any] | None]
+    """Metrics that the trainer reported."""
+    neighbours: EpisodeNeighbours
+    """Other episodes of the run and of the group."""
+    outcome: NotRequired[EpisodeOutcome | None]
+    reason: NotRequired[str | None]
+    """Reason of a failure."""
+    reference: NotRequired[float | None]
+    """Reference score at the time of the report."""
+    scenario: NotRequired[dict[str, Any] | None]
+    """Complete scenario; null if the run no longer keeps it."""
+    scenario_id: NotRequired[str | None]
+    """Id of the scenario; null if the run no longer keeps it."""
 
 
 class TrajectoryPage(TypedDict):

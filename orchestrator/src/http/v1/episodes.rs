@@ -17,6 +17,7 @@ use store::scenarios::ScenarioLoader;
 use store::{compacted_leases, from_json};
 
 use super::episode_list::{compacted_summary, episode_summary};
+use super::episode_neighbours::episode_neighbours;
 use crate::engine::error::ServiceError;
 use crate::http::access::{Caller, plan_denial};
 use crate::http::extract::{NoQuery, Path, Query};
@@ -51,6 +52,7 @@ pub(super) async fn get_episode(
         found => found?,
     };
     let bracket = brackets::newest(&mut conn, &found.group.scenario).await?;
+    let neighbours = episode_neighbours(&mut conn, &run, &found.id, found.lease.group_size).await?;
     let row = found.row;
     let text = |json: Option<&String>| json.map(|j| from_json("a stored value", j)).transpose();
     Ok(axum::Json(Episode {
@@ -79,6 +81,7 @@ pub(super) async fn get_episode(
         bracket: bracket.map(|b| scenario_bracket(&found.scenario, &b)),
         scenario: Some(found.scenario.to_json()),
         actions: found.log.as_ref().map(log_json),
+        neighbours,
     }))
 }
 
@@ -90,7 +93,9 @@ async fn compacted_episode(
 ) -> Result<Episode, Problem> {
     let unknown = || ServiceError::UnknownEpisode(id.to_string());
     let lease = compacted_leases::get(conn, run.as_str(), id.lease.number).await?.ok_or_else(unknown)?;
-    let group = lease.group(id.index / lease.row.group_size.max(1)).ok_or_else(unknown)?;
+    let group_size = lease.row.group_size.max(1);
+    let group = lease.group(id.index / group_size).ok_or_else(unknown)?;
+    let neighbours = episode_neighbours(conn, run, id, group_size).await?;
     let known = lease.episode(id.index).map(|(_, known)| known);
     Ok(Episode {
         summary: compacted_summary(&lease, id.index, group, known),
@@ -104,6 +109,7 @@ async fn compacted_episode(
         scenario: None,
         bracket: None,
         actions: None,
+        neighbours,
     })
 }
 

@@ -9,6 +9,7 @@ pub(super) mod columns;
 mod designs;
 mod episode_critique;
 mod episode_list;
+mod episode_neighbours;
 mod episode_search;
 mod episodes;
 mod evaluations;

@@ -135,3 +135,25 @@ async fn invalid_filters_are_rejected_with_the_valid_values() {
         .to_string();
     assert!(other.contains("order=worst_score"), "{other}");
 }
+
+#[tokio::test]
+async fn an_episode_has_its_neighbours_and_its_group() {
+    let server = Server::start().await;
+    let api = server.api();
+    create_run(&api, json!({"group_size": 3})).await;
+    report_groups(&api, 2, "hold").await;
+    report_groups(&api, 1, "hold").await;
+    let all = search(&api, "order=oldest", 500).await;
+    let ids = episode_ids(&all);
+    assert_eq!(ids.len(), 9);
+    for (index, id) in ids.iter().enumerate() {
+        let episode = api.get(&format!("/v1/runs/run/episodes/{id}")).await.expect(200);
+        let neighbours = &episode["neighbours"];
+        let before = index.checked_sub(1).map(|before| ids[before]);
+        assert_eq!(neighbours["previous"].as_str(), before, "{id}");
+        assert_eq!(neighbours["next"].as_str(), ids.get(index + 1).copied(), "{id}");
+        let group = neighbours["group"].as_array().expect("episodes");
+        let first = index - index % 3;
+        assert_eq!(group, &all[first..first + 3], "{id}");
+    }
+}
