@@ -5,15 +5,20 @@ import { innerHeight } from "svelte/reactivity/window";
 const MAX_SIDE = 720;
 /** Smallest side that a low window causes, in CSS pixels. */
 const MIN_SIDE = 320;
-/** Height of the controls above a picture, in CSS pixels. */
-const CONTROLS_HEIGHT = 260;
+/** Height that a page needs beside a picture by default, in CSS pixels. */
+const DEFAULT_RESERVED = 260;
 /** Height of the window before it is known, in CSS pixels. */
 const DEFAULT_WINDOW_HEIGHT = 900;
 
-/** Returns the side of a square picture, in CSS pixels: it fits the width, and the window together with the controls. */
-export function squareSide(width: number): number {
+/** Returns the largest height of a picture: it fits the window together with `reserved` pixels for all else. */
+export function maxPictureHeight(reserved = DEFAULT_RESERVED): number {
   const windowHeight = innerHeight.current ?? DEFAULT_WINDOW_HEIGHT;
-  return Math.min(width, MAX_SIDE, Math.max(MIN_SIDE, windowHeight - CONTROLS_HEIGHT));
+  return Math.min(MAX_SIDE, Math.max(MIN_SIDE, windowHeight - reserved));
+}
+
+/** Returns the side of a square picture, in CSS pixels: it fits the width and the window. */
+export function squareSide(width: number): number {
+  return Math.min(width, maxPictureHeight());
 }
 
 /** Sets the resolution of a canvas to device pixels, and returns its context, scaled to CSS pixels; null if there is none. */

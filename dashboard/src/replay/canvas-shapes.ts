@@ -10,6 +10,18 @@ export interface Palette {
   debris: string;
   bad: string;
   burn: string;
+  /** Sector at which a design aims. */
+  aim: string;
+  /** Decoys of designs, and the Sun. */
+  decoy: string;
+}
+
+/** Opacity of an agent that is not the chosen one. */
+const FAINT = 0.3;
+
+/** Returns the opacity of an agent; `chosen` is the agent that the user chose, or null for all. */
+export function agentOpacity(agent: number, chosen: number | null): number {
+  return chosen === null || chosen === agent ? 1 : FAINT;
 }
 
 /** Returns the colour of an agent; the colours repeat if there are more agents. */

@@ -1,105 +1,190 @@
 /** Draws a frame of a docking replay: two projections, and the speed of each deputy with its limit over the distance. */
-import { agentColour, drawCross, traceCircle, type Palette } from "./canvas-shapes";
+import { agentColour, agentOpacity, drawCross, traceCircle, type Palette } from "./canvas-shapes";
 import type { DockingFrame, Deputy } from "./frames";
+
+/** Vector in the axes of the chief: radial, in-track and cross-track. */
+export type Vector = [number, number, number];
 
 /** Projection of positions to a plane. */
 interface Projection {
-  title: string;
-  project: (deputy: Deputy) => [number, number];
+  across: string;
+  up: string;
+  project: (vector: Vector) => [number, number];
 }
 
 const PROJECTIONS: Projection[] = [
-  { title: "right: radial (m), up: in-track (m)", project: (deputy) => [deputy.x, deputy.y] },
-  { title: "right: radial (m), up: cross-track (m)", project: (deputy) => [deputy.x, deputy.z] },
+  { across: "radial (m)", up: "in-track (m)", project: ([x, y]) => [x, y] },
+  { across: "radial (m)", up: "cross-track (m)", project: ([x, , z]) => [x, z] },
 ];
 
-/** Largest distances of the deputies in a replay, in metres. */
-export interface Reach {
+/** Largest distances that a picture shows, in metres. */
+interface Reach {
   /** Largest distance along one axis. */
   along: number;
   /** Largest distance from the chief. */
   away: number;
 }
 
-/** Returns the reach of all frames, with a margin of a tenth. */
-export function maxReach(frames: DockingFrame[]): Reach {
-  let [along, away] = [10, 10];
-  for (const frame of frames)
+/** Mapping of one projection to pixels. */
+export interface DockingPicture {
+  ctx: CanvasRenderingContext2D;
+  colours: Palette;
+  /** Returns the pixel of a position in metres. */
+  at: (position: Vector) => [number, number];
+  /** Returns the direction on the page of a vector, in its unit, with up as −y. */
+  direction: (vector: Vector) => [number, number];
+  size: number;
+  /** True for the projection to the plane of the orbit. */
+  isOrbitPlane: boolean;
+}
+
+/** View of a docking replay. */
+export interface DockingView {
+  frames: DockingFrame[];
+  at: number;
+  /** Length of the trails, in steps. */
+  trail: number;
+  /** Agent that is emphasised; null for all. */
+  chosen?: number | null;
+  /** Draws below the deputies of each projection. */
+  underlay?: ((picture: DockingPicture) => void) | undefined;
+}
+
+/** Round numbers of a decade to which a reach is rounded up, so that a replay zooms in steps. */
+const ZOOM_STEPS = [1, 1.5, 2, 3, 5, 7, 10];
+/** Smallest reach of a picture, in metres. */
+const MIN_REACH = 10;
+
+/** Returns the reach of the deputies in the frames of the trail, rounded up to a round number. */
+export function reachAt(frames: DockingFrame[], at: number, trail: number): Reach {
+  let [along, away] = [0, 0];
+  for (const frame of frames.slice(Math.max(0, at - trail), at + 1))
     for (const d of frame.state.deputies) {
       along = Math.max(along, Math.abs(d.x), Math.abs(d.y), Math.abs(d.z));
       away = Math.max(away, d.distance);
     }
-  return { along: 1.1 * along, away: 1.1 * away };
+  return { along: roundUp(1.1 * along), away: roundUp(1.1 * away) };
 }
 
-/** Width in pixels below which the pictures are stacked. */
-const NARROW_WIDTH = 560;
+function roundUp(value: number): number {
+  const decade = 10 ** Math.floor(Math.log10(Math.max(value, MIN_REACH)));
+  return decade * (ZOOM_STEPS.find((step) => step * decade >= value) ?? 10);
+}
+
+/** Space around a square for the labels of its axes, in pixels. */
+const MARGIN = { left: 46, right: 10, top: 10, bottom: 34 };
+const PICTURES = 3;
+
+/** Arrangement of the three squares in rows and columns. */
+interface Arrangement {
+  columns: number;
+  side: number;
+  height: number;
+}
+
+/** Returns the arrangement with the largest squares that fit a width and, if possible, a height. */
+function arrange(width: number, maxHeight: number): Arrangement {
+  const options = [1, 2, 3].map((columns): Arrangement => {
+    const rows = Math.ceil(PICTURES / columns);
+    const widest = width / columns - MARGIN.left - MARGIN.right;
+    const side = Math.floor(Math.min(widest, maxHeight / rows - MARGIN.top - MARGIN.bottom));
+    return { columns, side, height: rows * (side + MARGIN.top + MARGIN.bottom) };
+  });
+  const [best] = options.sort((a, b) => b.side - a.side);
+  const narrow = Math.max(60, Math.floor(width - MARGIN.left - MARGIN.right));
+  if (best && best.side >= 60) return best;
+  return { columns: 1, side: narrow, height: PICTURES * (narrow + MARGIN.top + MARGIN.bottom) };
+}
 
 /** Returns the total height of the three pictures, in pixels. */
-export function heightOf(width: number): number {
-  return width < NARROW_WIDTH ? 2.7 * width : Math.max(260, width / 3);
+export function heightOf(width: number, maxHeight: number): number {
+  return arrange(width, maxHeight).height;
 }
 
-/** Returns the upper left corners of the three square pictures, and their size. */
-function pictureSquares(width: number): { corners: [number, number][]; size: number } {
-  const [across, down] = width < NARROW_WIDTH ? [1, 3] : [3, 1];
-  const [w, h] = [width / across, heightOf(width) / down];
-  const size = Math.min(w - 24, h) - 48;
+/** Returns the upper left corners of the three squares, and their size. */
+function pictureSquares(width: number, height: number): { corners: [number, number][]; size: number } {
+  const { columns, side } = arrange(width, height);
+  const cell = side + MARGIN.left + MARGIN.right;
+  const free = (width - columns * cell) / 2;
   const corners = [0, 1, 2].map((i): [number, number] => [
-    (i % across) * w + (w - size) / 2,
-    Math.floor(i / across) * h + (h - size) / 2,
+    free + (i % columns) * cell + MARGIN.left,
+    Math.floor(i / columns) * (side + MARGIN.top + MARGIN.bottom) + MARGIN.top,
   ]);
-  return { corners, size };
+  return { corners, size: side };
 }
 
-/** Draws frame `at` with trails of `trail` steps. */
+/** Draws a frame into a canvas of a width and height in pixels. */
 export function drawDocking(
   ctx: CanvasRenderingContext2D,
   width: number,
-  frames: DockingFrame[],
-  at: number,
-  trail: number,
-  reach: Reach,
+  height: number,
+  view: DockingView,
   colours: Palette,
 ) {
+  const { frames, at, trail } = view;
+  const reach = reachAt(frames, at, trail);
   const frame = frames[at];
   if (!frame) return;
   ctx.fillStyle = colours.paper;
-  ctx.fillRect(0, 0, width, heightOf(width));
-  const { corners, size } = pictureSquares(width);
-  PROJECTIONS.forEach(({ title, project }, i) => {
+  ctx.fillRect(0, 0, width, height);
+  const { corners, size } = pictureSquares(width, height);
+  PROJECTIONS.forEach(({ across, up, project }, i) => {
     const [left, top] = corners[i] ?? [0, 0];
-    const [cx, cy] = [left + size / 2, top + size / 2];
     const scale = size / (2 * reach.along);
+    const direction = (vector: Vector): [number, number] => {
+      const [right, upwards] = project(vector);
+      return [right, -upwards];
+    };
+    const pixel = (position: Vector): [number, number] => {
+      const [dx, dy] = direction(position);
+      return [left + size / 2 + dx * scale, top + size / 2 + dy * scale];
+    };
     const edge = formatLength(reach.along);
-    ctx.strokeStyle = colours.line;
-    ctx.lineWidth = 1;
-    ctx.strokeRect(left, top, size, size);
-    ctx.fillStyle = colours.soft;
-    ctx.fillText(title, left, top - 6);
-    drawAxisEnds(ctx, [left, top, size], [`−${edge}`, edge], [`−${edge}`, edge]);
-    traceCircle(ctx, cx, cy, 4);
+    const ends: [string, string] = [`−${edge}`, edge];
+    drawFrame(ctx, [left, top, size], { across, up, acrossEnds: ends, upEnds: ends }, colours);
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(left, top, size, size);
+    ctx.clip();
+    view.underlay?.({ ctx, colours, at: pixel, direction, size, isOrbitPlane: i === 0 });
+    traceCircle(ctx, ...pixel([0, 0, 0]), 4);
     ctx.fillStyle = colours.earth;
     ctx.fill();
-    for (const deputy of frame.state.deputies) {
-      const colour = agentColour(colours, deputy.id);
-      ctx.strokeStyle = colour;
-      ctx.lineWidth = 1.5;
-      ctx.beginPath();
-      for (let k = Math.max(0, at - trail); k <= at; k++) {
-        const past = frames[k]?.state.deputies[deputy.id];
-        if (!past) continue;
-        const [x, y] = project(past);
-        if (k === Math.max(0, at - trail)) ctx.moveTo(cx + x * scale, cy - y * scale);
-        else ctx.lineTo(cx + x * scale, cy - y * scale);
-      }
-      ctx.stroke();
-      const [x, y] = project(deputy);
-      drawDeputy(ctx, cx + x * scale, cy - y * scale, deputy, colour, colours.bad);
-    }
+    drawDeputies(ctx, view, pixel, colours);
+    ctx.restore();
   });
-  const [left, top] = corners[2] ?? [0, 0];
-  drawSpeedLimit(ctx, left, top, size, frame, reach.away, colours);
+  drawSpeedLimit(
+    ctx,
+    corners[2] ?? [0, 0],
+    size,
+    frame,
+    { away: reach.away, chosen: view.chosen ?? null },
+    colours,
+  );
+}
+
+/** Draws the trails and places of all deputies in one projection. */
+function drawDeputies(
+  ctx: CanvasRenderingContext2D,
+  { frames, at, trail, chosen = null }: DockingView,
+  pixel: (position: Vector) => [number, number],
+  colours: Palette,
+) {
+  const from = Math.max(0, at - trail);
+  for (const deputy of frames[at]?.state.deputies ?? []) {
+    const colour = agentColour(colours, deputy.id);
+    ctx.globalAlpha = agentOpacity(deputy.id, chosen);
+    ctx.strokeStyle = colour;
+    ctx.lineWidth = 1.5;
+    ctx.beginPath();
+    for (let k = from; k <= at; k++) {
+      const past = frames[k]?.state.deputies[deputy.id];
+      if (past) ctx.lineTo(...pixel([past.x, past.y, past.z]));
+    }
+    ctx.stroke();
+    drawDeputy(ctx, pixel([deputy.x, deputy.y, deputy.z]), deputy, colour, colours.bad);
+  }
+  ctx.globalAlpha = 1;
 }
 
 /** Formats a length or speed with few digits. */
@@ -107,26 +192,44 @@ function formatLength(value: number): string {
   return value >= 10 ? value.toFixed(0) : value.toFixed(1);
 }
 
-/** Labels both ends of the axes of a square. */
-function drawAxisEnds(
+/** Labels of the two axes of a square. */
+interface AxisLabels {
+  across: string;
+  up: string;
+  acrossEnds: [string, string];
+  upEnds: [string, string];
+}
+
+/** Draws the outline of a square with the quantities of its axes and their ends. */
+function drawFrame(
   ctx: CanvasRenderingContext2D,
   [left, top, size]: [number, number, number],
-  along: [string, string],
-  up: [string, string],
+  { across, up, acrossEnds, upEnds }: AxisLabels,
+  colours: Palette,
 ) {
-  const previousAlign = ctx.textAlign;
-  ctx.fillText(along[0], left, top + size + 14);
+  ctx.strokeStyle = colours.line;
+  ctx.lineWidth = 1;
+  ctx.strokeRect(left, top, size, size);
+  ctx.fillStyle = colours.soft;
+  ctx.textAlign = "center";
+  ctx.fillText(across, left + size / 2, top + size + 16);
+  ctx.save();
+  ctx.translate(left - 8, top + size / 2);
+  ctx.rotate(-Math.PI / 2);
+  ctx.fillText(up, 0, 0);
+  ctx.restore();
+  ctx.textAlign = "left";
+  ctx.fillText(acrossEnds[0], left, top + size + 16);
   ctx.textAlign = "right";
-  ctx.fillText(along[1], left + size, top + size + 14);
-  ctx.fillText(up[0], left - 4, top + size);
-  ctx.fillText(up[1], left - 4, top + 10);
-  ctx.textAlign = previousAlign;
+  ctx.fillText(acrossEnds[1], left + size, top + size + 16);
+  ctx.fillText(upEnds[0], left - 4, top + size);
+  ctx.fillText(upEnds[1], left - 4, top + 10);
+  ctx.textAlign = "start";
 }
 
 function drawDeputy(
   ctx: CanvasRenderingContext2D,
-  x: number,
-  y: number,
+  [x, y]: [number, number],
   deputy: Deputy,
   colour: string,
   bad: string,
@@ -144,34 +247,34 @@ function drawDeputy(
 /** Draws speed over distance, and the limit above which a deputy is penalised. */
 function drawSpeedLimit(
   ctx: CanvasRenderingContext2D,
-  left: number,
-  top: number,
+  [left, top]: [number, number],
   size: number,
   frame: DockingFrame,
-  reach: number,
+  { away, chosen }: { away: number; chosen: number | null },
   colours: Palette,
 ) {
   const deputies = frame.state.deputies;
   const first = deputies[0];
   if (!first) return;
   const slope = first.distance > 0 ? (first.speed_limit - 0.2) / first.distance : 0;
-  const fastest = 1.1 * Math.max(0.2 + slope * reach, ...deputies.map((deputy) => deputy.speed));
-  const px = (distance: number) => left + (size * Math.min(distance, reach)) / reach;
+  const fastest = 1.1 * Math.max(0.2 + slope * away, ...deputies.map((deputy) => deputy.speed));
+  const px = (distance: number) => left + (size * Math.min(distance, away)) / away;
   const py = (speed: number) => top + size - (size * speed) / fastest;
-  ctx.strokeStyle = colours.line;
-  ctx.strokeRect(left, top, size, size);
-  ctx.fillStyle = colours.soft;
-  ctx.fillText("right: distance (m), up: speed (m/s)", left, top - 6);
-  drawAxisEnds(ctx, [left, top, size], ["0", formatLength(reach)], ["0", formatLength(fastest)]);
+  const labels = { across: "distance (m)", up: "speed (m/s)" };
+  const acrossEnds: [string, string] = ["0", formatLength(away)];
+  const upEnds: [string, string] = ["0", formatLength(fastest)];
+  drawFrame(ctx, [left, top, size], { ...labels, acrossEnds, upEnds }, colours);
   ctx.strokeStyle = colours.bad;
   ctx.setLineDash([6, 4]);
   ctx.beginPath();
   ctx.moveTo(px(0), py(0.2));
-  ctx.lineTo(px(reach), py(0.2 + slope * reach));
+  ctx.lineTo(px(away), py(0.2 + slope * away));
   ctx.stroke();
   ctx.setLineDash([]);
   for (const deputy of deputies) {
     const colour = agentColour(colours, deputy.id);
-    drawDeputy(ctx, px(deputy.distance), py(deputy.speed), deputy, colour, colours.bad);
+    ctx.globalAlpha = agentOpacity(deputy.id, chosen);
+    drawDeputy(ctx, [px(deputy.distance), py(deputy.speed)], deputy, colour, colours.bad);
   }
+  ctx.globalAlpha = 1;
 }

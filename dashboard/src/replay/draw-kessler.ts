@@ -1,5 +1,5 @@
 /** Draws a frame of a kessler replay. */
-import { agentColour, drawArrow, drawCross, traceCircle, type Palette } from "./canvas-shapes";
+import { agentColour, agentOpacity, drawArrow, drawCross, traceCircle, type Palette } from "./canvas-shapes";
 import {
   CONTACT_DISTANCE,
   EARTH_RADIUS,
@@ -16,12 +16,18 @@ export interface DrawOptions {
   ahead: number;
   /** Position between this frame and the next, 0 to 1. */
   between: number;
+  /** Agent that is emphasised; null for all. */
+  chosen?: number | null;
+  /** Draws below the bodies, above the background. */
+  underlay?: ((picture: KesslerPicture) => void) | undefined;
 }
 
 /** Distance from the centre to the edge of the picture, in LU. */
 export const EXTENT = 118;
 /** Radii of the distance circles, in LU. */
 export const RINGS = [50, 80, 100];
+/** Smallest picture whose distance circles have labels, in pixels. */
+const MIN_LABELLED_SIZE = 280;
 /** Length of the arrow of a burn of 1 LU/TU, in LU. */
 export const ARROW_SCALE = 22;
 /** Maximum length of the trail of a piece of debris, in steps. */
@@ -33,7 +39,7 @@ export function scaleOf(size: number): number {
 }
 
 /** Canvas, colours and mapping from LU to pixels of one picture. */
-interface Picture {
+export interface KesslerPicture {
   ctx: CanvasRenderingContext2D;
   colours: Palette;
   size: number;
@@ -55,7 +61,7 @@ export function drawKessler(
   if (!frame) return [];
   const next = frames[at + 1];
   const scale = scaleOf(size);
-  const picture: Picture = {
+  const picture: KesslerPicture = {
     ctx,
     colours,
     size,
@@ -65,11 +71,13 @@ export function drawKessler(
   };
   const between = next ? options.between : 0;
   drawBackground(picture, frame.state.target_radius);
-  drawTrails(picture, frames, at, options.trail);
+  options.underlay?.(picture);
+  const chosen = options.chosen ?? null;
+  drawTrails(picture, frames, at, options.trail, chosen);
   drawDebris(picture, frame, next, between);
   const approaches = cachedApproaches(frame.state, options.ahead);
-  drawApproaches(picture, approaches);
-  drawSatellites(picture, frame, next, between);
+  drawApproaches(picture, approaches, chosen);
+  drawSatellites(picture, frame, next, between, chosen);
   return approaches;
 }
 
@@ -86,7 +94,7 @@ function cachedApproaches(state: KesslerState, ahead: number): Approach[] {
 
 /** Draws the Earth, the distance circles, and the orbit to reach if the task has one. */
 function drawBackground(
-  { ctx, colours, size, scale, px, py }: Picture,
+  { ctx, colours, size, scale, px, py }: KesslerPicture,
   targetRadius: number | null | undefined,
 ) {
   ctx.fillStyle = colours.paper;
@@ -96,10 +104,14 @@ function drawBackground(
   ctx.fill();
   ctx.strokeStyle = colours.line;
   ctx.lineWidth = 1;
+  ctx.textAlign = "center";
   for (const r of RINGS) {
     traceCircle(ctx, px(0), py(0), r * scale);
     ctx.stroke();
+    ctx.fillStyle = colours.soft;
+    if (size > MIN_LABELLED_SIZE) ctx.fillText(`${String(r)} LU`, px(0), py(r) - 3);
   }
+  ctx.textAlign = "start";
   if (!targetRadius) return;
   ctx.setLineDash([6, 5]);
   ctx.strokeStyle = colours.soft;
@@ -108,7 +120,13 @@ function drawBackground(
   ctx.setLineDash([]);
 }
 
-function drawTrails({ ctx, colours, px, py }: Picture, frames: KesslerFrame[], at: number, length: number) {
+function drawTrails(
+  { ctx, colours, px, py }: KesslerPicture,
+  frames: KesslerFrame[],
+  at: number,
+  length: number,
+  chosen: number | null,
+) {
   const from = Math.max(0, at - length);
   if (from === at) return;
   ctx.lineWidth = 1;
@@ -127,6 +145,7 @@ function drawTrails({ ctx, colours, px, py }: Picture, frames: KesslerFrame[], a
   ctx.stroke();
   for (const satellite of frames[at]?.state.satellites ?? []) {
     ctx.strokeStyle = agentColour(colours, satellite.id);
+    ctx.globalAlpha = agentOpacity(satellite.id, chosen);
     ctx.lineWidth = 1.5;
     ctx.beginPath();
     for (let i = from; i <= at; i++) {
@@ -137,10 +156,11 @@ function drawTrails({ ctx, colours, px, py }: Picture, frames: KesslerFrame[], a
     }
     ctx.stroke();
   }
+  ctx.globalAlpha = 1;
 }
 
 function drawDebris(
-  { ctx, colours, scale, px, py }: Picture,
+  { ctx, colours, scale, px, py }: KesslerPicture,
   frame: KesslerFrame,
   next: KesslerFrame | undefined,
   between: number,
@@ -160,23 +180,31 @@ function drawDebris(
 }
 
 /** Draws a ring where each satellite passes debris, in red if they touch. */
-function drawApproaches({ ctx, colours, scale, px, py }: Picture, approaches: Approach[]) {
+function drawApproaches(
+  { ctx, colours, scale, px, py }: KesslerPicture,
+  approaches: Approach[],
+  chosen: number | null,
+) {
   for (const approach of approaches) {
+    ctx.globalAlpha = agentOpacity(approach.satellite, chosen);
     ctx.strokeStyle = approach.miss < CONTACT_DISTANCE ? colours.bad : colours.soft;
     ctx.lineWidth = 1.5;
     traceCircle(ctx, px(approach.x), py(approach.y), CONTACT_DISTANCE * scale);
     ctx.stroke();
   }
+  ctx.globalAlpha = 1;
 }
 
 /** Draws each satellite with its number, contact distance, radar range and the burns of the next step. */
 function drawSatellites(
-  { ctx, colours, scale, px, py }: Picture,
+  { ctx, colours, scale, px, py }: KesslerPicture,
   { state }: KesslerFrame,
   next: KesslerFrame | undefined,
   between: number,
+  chosen: number | null,
 ) {
   for (const satellite of state.satellites) {
+    ctx.globalAlpha = agentOpacity(satellite.id, chosen);
     const to = next?.state.satellites.find((other) => other.id === satellite.id) ?? satellite;
     const x = px(satellite.x + (to.x - satellite.x) * between);
     const y = py(satellite.y + (to.y - satellite.y) * between);
@@ -206,4 +234,5 @@ function drawSatellites(
         drawArrow(ctx, x, y, x + dx * ARROW_SCALE * scale, y - dy * ARROW_SCALE * scale, colours.burn);
     }
   }
+  ctx.globalAlpha = 1;
 }

@@ -1,6 +1,6 @@
 /** Draws a map of an episode of tasking: tracks, day and night, stations, targets and where the instruments look. */
 import coastline from "../../../env-core/src/tasking/data/coastline.json";
-import { agentColour, drawCross, traceCircle, type Palette } from "./canvas-shapes";
+import { agentColour, agentOpacity, drawCross, traceCircle, type Palette } from "./canvas-shapes";
 import type { TaskingFrame } from "./frames";
 import { indexAt, placeAt, type EpisodeMotion } from "./tasking-motion";
 
@@ -11,7 +11,8 @@ const ECLIPSED = 0.5;
 /** Steps of a circle on the map. */
 const CIRCLE_POINTS = 48;
 
-type Point = [number, number];
+/** Longitude and latitude in degrees, or a position on the map in pixels. */
+export type Point = [number, number];
 
 /** Moment that is drawn. */
 export interface MapView {
@@ -21,6 +22,17 @@ export interface MapView {
   time: number;
   /** Time of the track behind, s. */
   trail: number;
+  /** Agent that is emphasised; null for all. */
+  chosen?: number | null;
+  /** Draws below the satellites, above the map. */
+  underlay?: ((map: TaskingPicture) => void) | undefined;
+}
+
+/** Canvas, colours and mapping from degrees to pixels of a map. */
+export interface TaskingPicture {
+  ctx: CanvasRenderingContext2D;
+  colours: Palette;
+  at: (point: Point) => Point;
 }
 
 /** Returns the height of a map, in pixels. */
@@ -42,6 +54,7 @@ export function drawTasking(ctx: CanvasRenderingContext2D, width: number, view: 
   drawNight(ctx, at, view, colours);
   drawStations(ctx, at, view, colours);
   drawTargets(ctx, at, view, colours);
+  view.underlay?.({ ctx, colours, at });
   view.motion.satellites.forEach((_, satellite) => {
     drawTrack(ctx, at, view, satellite, colours);
   });
@@ -64,6 +77,21 @@ function drawGrid(ctx: CanvasRenderingContext2D, at: (point: Point) => Point, co
     ctx.lineTo(...at([180, latitude]));
   }
   ctx.stroke();
+  ctx.fillStyle = colours.soft;
+  for (const longitude of [-120, -60, 0, 60, 120]) {
+    const [x, y] = at([longitude, -90]);
+    ctx.fillText(degreesText(longitude, "E", "W"), x + 3, y - 4);
+  }
+  for (const latitude of [-60, -30, 0, 30, 60]) {
+    const [x, y] = at([-180, latitude]);
+    ctx.fillText(degreesText(latitude, "N", "S"), x + 3, y - 3);
+  }
+}
+
+/** Formats a longitude or latitude: "60° E", "30° S", "0°". */
+function degreesText(degrees: number, positive: string, negative: string): string {
+  if (degrees === 0) return "0°";
+  return `${String(Math.abs(degrees))}° ${degrees > 0 ? positive : negative}`;
 }
 
 function drawCoast(ctx: CanvasRenderingContext2D, at: (point: Point) => Point, colours: Palette) {
@@ -77,7 +105,7 @@ function drawCoast(ctx: CanvasRenderingContext2D, at: (point: Point) => Point, c
 }
 
 /** Strokes a line on the map, without the part between the map's edges where it leaves one of them. */
-function strokeLine(ctx: CanvasRenderingContext2D, at: (point: Point) => Point, points: Point[]) {
+export function strokeLine(ctx: CanvasRenderingContext2D, at: (point: Point) => Point, points: Point[]) {
   ctx.beginPath();
   let previous: Point | null = null;
   for (const point of points) {
@@ -150,7 +178,7 @@ export function circleAround([longitude, latitude]: Point, radius: number): Poin
 function drawTargets(
   ctx: CanvasRenderingContext2D,
   at: (point: Point) => Point,
-  { motion, frame, time }: MapView,
+  { motion, frame, time, chosen }: MapView,
   colours: Palette,
 ) {
   const { target_longitudes, target_latitudes, target_priorities } = motion.objects;
@@ -169,25 +197,28 @@ function drawTargets(
   ctx.globalAlpha = 1;
   frame.state.map.upcoming.forEach((targets, satellite) => {
     ctx.strokeStyle = agentColour(colours, satellite);
+    ctx.globalAlpha = agentOpacity(satellite, chosen ?? null);
     ctx.lineWidth = 1;
     for (const target of targets) {
       traceCircle(ctx, ...at(place(target)), 4);
       ctx.stroke();
     }
   });
+  ctx.globalAlpha = 1;
 }
 
 /** Draws the track of a satellite behind (solid) and ahead (dashed); it is thick where the satellite has sunlight. */
 function drawTrack(
   ctx: CanvasRenderingContext2D,
   at: (point: Point) => Point,
-  { motion, time, trail }: MapView,
+  { motion, time, trail, chosen }: MapView,
   satellite: number,
   colours: Palette,
 ) {
   const track = motion.satellites[satellite];
   if (!track) return;
   ctx.strokeStyle = agentColour(colours, satellite);
+  const opacity = agentOpacity(satellite, chosen ?? null);
   const first = indexAt(motion.times, time - trail);
   const last = indexAt(motion.times, time + AHEAD_S);
   for (let i = first; i < last; i++) {
@@ -195,7 +226,7 @@ function drawTrack(
     const to: Point = [track.longitude[i + 1] ?? 0, track.latitude[i + 1] ?? 0];
     const isAhead = (motion.times[i] ?? 0) >= time;
     if (isAhead && i % 4 > 1) continue; // dashes that do not move with the satellite
-    ctx.globalAlpha = isAhead ? 0.6 : 0.9;
+    ctx.globalAlpha = opacity * (isAhead ? 0.6 : 0.9);
     ctx.lineWidth = (track.sunlight[i] ?? 1) < ECLIPSED ? 1 : 2.5;
     strokeLine(ctx, at, [from, to]);
   }
@@ -219,14 +250,16 @@ function drawLinks(
 function drawSatellite(
   ctx: CanvasRenderingContext2D,
   at: (point: Point) => Point,
-  { motion, frame, time }: MapView,
+  { motion, frame, time, chosen }: MapView,
   satellite: number,
   colours: Palette,
 ) {
   const place = placeAt(motion, satellite, time);
+  ctx.globalAlpha = agentOpacity(satellite, chosen ?? null);
   const [x, y] = at(place);
   if (frame.state.satellites[satellite]?.alive === false) {
     drawCross(ctx, x, y, 6, colours.bad);
+    ctx.globalAlpha = 1;
     return;
   }
   const seen = motion.satellites[satellite]?.view[indexAt(motion.times, time)];
@@ -241,4 +274,5 @@ function drawSatellite(
   traceCircle(ctx, x, y, 5);
   ctx.fill();
   ctx.fillText(String(satellite), x + 7, y - 7);
+  ctx.globalAlpha = 1;
 }

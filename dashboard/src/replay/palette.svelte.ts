@@ -1,5 +1,6 @@
 /** Colours of pictures, read from the style of the page. */
 import { appearance } from "../lib/theme.svelte";
+import { AGENT_COLOURS } from "./agent-style";
 import type { Palette } from "./canvas-shapes";
 
 /** Reads the palette of the current colour scheme; effects that call it run again when the scheme changes. */
@@ -13,9 +14,11 @@ export function readPalette(): Palette {
     soft: colour("--soft"),
     line: colour("--line"),
     earth: colour("--earth"),
-    satellite: [colour("--c0"), colour("--c2"), colour("--c3"), colour("--c4")],
+    satellite: AGENT_COLOURS.map(colour),
     debris: colour("--soft"),
     bad: colour("--bad"),
     burn: colour("--c1"),
+    aim: colour("--c1"),
+    decoy: colour("--c4"),
   };
 }

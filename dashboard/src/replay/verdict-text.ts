@@ -54,6 +54,12 @@ function onlyLoss({ failures }: EpisodeCritique): string {
     : "";
 }
 
+/** Noun for an action of the critique's world. */
+export function actionNoun({ task }: EpisodeCritique): string {
+  if (task.startsWith("tasking/")) return "action";
+  return task.startsWith("docking/") ? "thrust" : "burn";
+}
+
 /** Formats the difference of the scores with and without an action, with its sign: "+0.042". */
 export function formatGain(gain: number): string {
   return `${gain > 0 ? "+" : ""}${fixed(gain, 3).replace("-", "−")}`;
