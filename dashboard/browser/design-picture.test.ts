@@ -114,7 +114,9 @@ test("a kessler design shows the paths of its debris, its encounters and its aim
     const legend = picture(page).getByRole("list", { name: "Legend" });
     await legend.waitFor();
     const insets = picture(page).locator("li", { hasText: /satellite \d, step \d+/ });
-    expect(await insets.count()).toBe(Math.min(8, design.encounters.length));
+    // The page shows the layout before it until the new one is loaded.
+    await page.getByText(`${layout} ·`).waitFor();
+    await expect.poll(() => insets.count()).toBe(Math.min(8, design.encounters.length));
     const entries = (await legend.getByRole("listitem").allTextContents()).map((entry) => entry.trim());
     const has = (text: string) => entries.some((entry) => entry.startsWith(text));
     for (const kind of ["threat", "decoy", "screen"]) {

@@ -13,7 +13,7 @@ export interface FlownTask {
 }
 
 /** Number of episodes of a group. */
-export const GROUP_SIZE = 4;
+export const GROUP_SIZE = 12;
 
 /** Episodes of each world in which the agents act. */
 export const FLOWN_TASKS: Record<"kessler" | "docking" | "tasking", FlownTask> = {
@@ -21,7 +21,7 @@ export const FLOWN_TASKS: Record<"kessler" | "docking" | "tasking", FlownTask> =
     task: "kessler/survival",
     steps: 50,
     actionsAt: (step, episode) =>
-      step % 9 === 2 * (episode % GROUP_SIZE) + 1 ? [[step % 3, 0.3 - 0.1 * (episode % 4), 0.2]] : [],
+      step % 9 === 2 * (episode % 4) + 1 ? [[step % 3, 0.3 - 0.1 * (episode % 4), 0.2]] : [],
   },
   docking: {
     task: "docking/multiagent",

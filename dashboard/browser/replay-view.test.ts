@@ -64,6 +64,40 @@ for (const dark of [false, true]) {
   }
 }
 
+test("replays are not wider than a phone", async () => {
+  for (const world of WORLDS) {
+    const observed = await fixture.openPage({ width: 390, height: 844 });
+    const route = routeOf(world, 1, "?step=12&beside=hold");
+    await checkPage(observed, fixture.server.url, `replay-${world}-phone`, {
+      route,
+      text: "Failures and verdicts",
+    });
+    const overflow = await observed.page.evaluate(
+      () => document.documentElement.scrollWidth - document.documentElement.clientWidth,
+    );
+    expect(overflow, world).toBeLessThanOrEqual(0);
+    await observed.page.context().close();
+  }
+});
+
+test("a picture follows the colour scheme", async () => {
+  const { page } = await fixture.openPage();
+  await visit(page, fixture.server.url, routeOf("kessler", 1));
+  const background = () =>
+    page
+      .locator("canvas")
+      .first()
+      .evaluate((canvas) => {
+        const ctx = (canvas as HTMLCanvasElement).getContext("2d");
+        return ctx?.getImageData(2, 2, 1, 1).data[0] ?? -1;
+      });
+  await expect.poll(background).toBeGreaterThan(200);
+  // From automatic over light to dark.
+  for (let i = 0; i < 2; i++) await page.getByRole("button", { name: /Colour scheme/ }).click();
+  await expect.poll(background).toBeLessThan(60);
+  await page.context().close();
+});
+
 test("the curves of agents differ in colour, dashes and labels, and axes have units", async () => {
   const titles = { kessler: "Fuel (units)", docking: "Distance to the chief (m)", tasking: "Battery (%)" };
   const axes = { kessler: "Step (1 TU each)", docking: "Step (1 s each)", tasking: "Time (min)" };

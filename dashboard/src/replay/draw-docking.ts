@@ -63,7 +63,7 @@ export function reachAt(frames: DockingFrame[], at: number, trail: number): Reac
       along = Math.max(along, Math.abs(d.x), Math.abs(d.y), Math.abs(d.z));
       away = Math.max(away, d.distance);
     }
-  return { along: roundUp(1.1 * along), away: roundUp(1.1 * away) };
+  return { along: roundUp(1.15 * along), away: roundUp(1.15 * away) };
 }
 
 function roundUp(value: number): number {
@@ -74,6 +74,8 @@ function roundUp(value: number): number {
 /** Space around a square for the labels of its axes, in pixels. */
 const MARGIN = { left: 46, right: 10, top: 10, bottom: 34 };
 const PICTURES = 3;
+/** Space around a square for the numbers of deputies at its edge, in pixels. */
+const LABEL_SPACE = 8;
 
 /** Arrangement of the three squares in rows and columns. */
 interface Arrangement {
@@ -144,7 +146,7 @@ export function drawDocking(
     drawFrame(ctx, [left, top, size], { across, up, acrossEnds: ends, upEnds: ends }, colours);
     ctx.save();
     ctx.beginPath();
-    ctx.rect(left, top, size, size);
+    ctx.rect(left - LABEL_SPACE, top - LABEL_SPACE, size + 2 * LABEL_SPACE, size + 2 * LABEL_SPACE);
     ctx.clip();
     view.underlay?.({ ctx, colours, at: pixel, direction, size, isOrbitPlane: i === 0 });
     traceCircle(ctx, ...pixel([0, 0, 0]), 4);
