@@ -69,6 +69,9 @@ pub struct RunRequest {
     pub task_settings: BTreeMap<String, TaskSettingsRequest>,
     /// Tags of the run, at most 32. A tag has 1 to 64 of a-z, 0-9, _, ., : and -, and begins with a letter or a digit.
     pub tags: Vec<String>,
+    /// Note of the team, at most 2 000 characters (default: empty).
+    #[schema(max_length = 2000)]
+    pub note: String,
 }
 
 /// Request to change a run. A field that is left out keeps its value. Tasks keep their level and mastery unless their levels or

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
 
-use crate::CritiqueBacklog;
+use crate::{CritiqueBacklog, RunActivity};
 
 /// Run, as lists show it.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
@@ -32,6 +32,18 @@ pub struct RunSummary {
     pub owner: Option<String>,
     /// Principals that may take part in the run beside its owner, in alphabetical order. In a run without an owner, every trainer may.
     pub members: Vec<String>,
+    /// Note of the team; empty if there is none.
+    pub note: String,
+    /// Activity of the run, by its status and its latest results.
+    pub activity: RunActivity,
+    /// Number of finished episodes, columns included.
+    pub episodes: i64,
+    /// Mean skill of the latest episodes: the weight of an episode halves every 1 000 episodes. Null before there are any with a skill.
+    pub skill: Option<f64>,
+    /// Time of the first results, RFC 3339; null before there are any.
+    pub first_results_at: Option<String>,
+    /// Time of the latest results, RFC 3339; null before there are any.
+    pub last_results_at: Option<String>,
     /// Complete settings of the run.
     #[schema(value_type = Object)]
     pub settings: Value,
@@ -71,33 +83,6 @@ pub struct RunWarning {
     pub at: String,
 }
 
-/// Page of the list of runs.
-#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
-pub struct RunPage {
-    /// Runs of the page, oldest first.
-    pub runs: Vec<RunSummary>,
-    /// Cursor of the next page; null on the last page.
-    pub next: Option<String>,
-}
-
-/// Query of the runs.
-#[derive(Debug, Clone, Default, Serialize, Deserialize, IntoParams)]
-#[into_params(parameter_in = Query)]
-#[serde(deny_unknown_fields)]
-pub struct RunQuery {
-    /// True for archived runs, false for the others (default false).
-    #[serde(default)]
-    pub archived: bool,
-    /// Tag of the runs to list (default: runs with any tags).
-    pub tag: Option<String>,
-    /// Largest number of runs on a page, from 1 to 500 (default 50).
-    #[param(minimum = 1, maximum = 500, default = 50)]
-    #[serde(default, deserialize_with = "crate::integers::optional::<_, 1, 500>")]
-    pub limit: Option<u32>,
-    /// Field `next` of the previous page.
-    pub cursor: Option<String>,
-}
-
 /// Tags of a run.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
@@ -115,6 +100,15 @@ pub struct RunMembersRequest {
     /// Principal that becomes the owner (default: the owner stays). Only an admin can set it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub owner: Option<String>,
+}
+
+/// Note of a run.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RunNoteRequest {
+    /// Note of the team, at most 2 000 characters. An empty text removes the note.
+    #[schema(max_length = 2000)]
+    pub note: String,
 }
 
 /// Request to archive several runs.

@@ -7,8 +7,8 @@ use api_types as api;
 use crate::queries::run_series;
 
 use store::{
-    columns, curriculum, design_requests, episodes, evaluations, events, groups, layouts, leases,
-    run_warnings, runs,
+    columns, curriculum, design_requests, episodes, evaluations, events, groups, layouts, leases, run_filter,
+    run_list, run_warnings, runs,
 };
 
 /// Conversion between an enum of the store and the enum of the API that has the same variants.
@@ -56,6 +56,10 @@ convert_enum!(api::LeaseDisclosure => leases::Disclosure { Lease, Begin });
 convert_enum!(leases::LeaseForm => api::LeaseForm { Groups, Columns });
 convert_enum!(leases::LeaseStatus => api::LeaseStatus { Active, Done, Released, Expired });
 convert_enum!(run_warnings::WarningKind => api::RunWarningKind { RefusedClaim, UnprovenClaim });
+convert_enum!(run_filter::RunActivity => api::RunActivity { Waiting, Running, Idle, Paused, Archived });
+convert_enum!(api::RunActivity => run_filter::RunActivity { Waiting, Running, Idle, Paused, Archived });
+convert_enum!(api::RunSort => run_list::RunSortKey { Created, Name, Episodes, LastResults, Skill });
+convert_enum!(api::RunGroupProperty => run_list::RunGrouping { Strategy, Tasks, Tag, Activity });
 convert_enum!(run_series::SeriesResolution => api::SeriesResolution { Episodes, Minutes, Hours });
 convert_enum!(::curriculum::RungKind => api::RungKind { Start, Level });
 convert_enum!(runs::RunStatus => api::RunStatus { Active, Paused });

@@ -186,6 +186,7 @@ const DELETIONS: &[Deletion] = &[
     Deletion::new(of_run!("deleted_run_events", "run")),
     Deletion::new(of_run!("run_settings", "run, revision")),
     Deletion::new(of_run!("run_tags", "run, tag")),
+    Deletion::new(of_run!("run_totals", "run")),
     Deletion::new(of_run!("trainer_metrics", "run, name, step")),
     Deletion::new(of_run!("trainer_metric_names", "run, name")),
     Deletion::new(of_run!("run_members", "run, principal")),

@@ -4,11 +4,10 @@
 
 use sqlx::{SqliteConnection, query};
 
-use super::{StoreError, text_enum};
+use super::{StoreError, text_enum, to_json};
 use crate::Millis;
 use crate::name_set::NameSet;
 use crate::principals::PrincipalId;
-use crate::run_tags::RunTag;
 
 text_enum! {
     /// Status of a run: only active runs grant leases.
@@ -49,9 +48,20 @@ pub struct RunRow {
     pub owner: Option<String>,
     /// Names of the principals that may take part in the run beside its owner.
     pub members: NameSet,
+    /// Note of the team; empty if there is none.
+    pub note: String,
+    /// Number of its episodes: finished, or of accepted claims.
+    pub episodes: i64,
+    /// Mean skill of its latest episodes; none before there are any with a skill.
+    pub skill: Option<f64>,
+    /// When the run had its first results.
+    pub first_results_at: Option<Millis>,
+    /// When the run had its latest results.
+    pub last_results_at: Option<Millis>,
 }
 
-/// Selects [`RunRow`]s of runs that exist: takes what follows `FROM` and the arguments of the statement. The runs are `r`.
+/// Selects [`RunRow`]s of runs that exist: takes what follows `FROM` and the arguments of the statement. The runs are `r`, their totals
+/// `t`.
 macro_rules! query_runs {
     ($rest:literal, $($argument:expr),+ $(,)?) => {
         sqlx::query_as!(
@@ -61,7 +71,9 @@ macro_rules! query_runs {
                       (SELECT json_group_array(tag) FROM run_tags WHERE run = r.id) AS "tags!: NameSet",
                       (SELECT name FROM principals WHERE id = r.owner) AS "owner: String",
                       (SELECT json_group_array(p.name) FROM run_members m CROSS JOIN principals p ON p.id = m.principal
-                       WHERE m.run = r.id) AS "members!: NameSet"
+                       WHERE m.run = r.id) AS "members!: NameSet",
+                      r.note, coalesce(t.episodes, 0) AS "episodes!: i64", t.skill AS "skill: f64",
+                      t.first_results_at AS "first_results_at?: i64", t.last_results_at AS "last_results_at?: i64"
                FROM "# + $rest,
             $($argument),+
         )
@@ -77,15 +89,6 @@ pub struct RunNameRow {
     pub name: String,
     /// True if the run is archived.
     pub is_archived: bool,
-}
-
-/// Position of a run in the order of creation.
-#[derive(Debug, Clone, Copy)]
-pub struct RunCursor<'a> {
-    /// When the run was created.
-    pub created_at: Millis,
-    /// Id of the run.
-    pub id: &'a str,
 }
 
 /// Settings of a run that were in force from a moment on.
@@ -109,8 +112,8 @@ pub async fn insert(
     owner: Option<PrincipalId>,
 ) -> Result<bool, StoreError> {
     let done = query!(
-        "INSERT INTO runs (id, name, seed, status, settings, policy_version, created_at, owner, is_seed_reused)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (id) DO NOTHING",
+        "INSERT INTO runs (id, name, seed, status, settings, policy_version, created_at, owner, is_seed_reused, note)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (id) DO NOTHING",
         row.id,
         row.name,
         row.seed,
@@ -119,13 +122,14 @@ pub async fn insert(
         row.policy_version,
         row.created_at,
         owner,
-        row.is_seed_reused
+        row.is_seed_reused,
+        row.note
     )
     .execute(&mut *conn)
     .await?;
     let is_new = done.rows_affected() == 1;
     if is_new {
-        append_settings(conn, &row.id, &row.settings, row.created_at).await?;
+        set_settings(conn, &row.id, &row.settings, row.created_at).await?;
     }
     Ok(is_new)
 }
@@ -158,7 +162,12 @@ pub async fn mark_seed_reused(conn: &mut SqliteConnection, seed: i64) -> Result<
 /// # Errors
 /// Returns [`StoreError::Database`] if the query fails.
 pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Option<RunRow>, StoreError> {
-    Ok(query_runs!("runs r WHERE r.id = ? AND r.deleted_at IS NULL", id).fetch_optional(conn).await?)
+    Ok(query_runs!(
+        "runs r LEFT JOIN run_totals t ON t.run = r.id WHERE r.id = ? AND r.deleted_at IS NULL",
+        id
+    )
+    .fetch_optional(conn)
+    .await?)
 }
 
 /// Returns true if a run exists.
@@ -188,50 +197,16 @@ pub async fn archived_before(
     .await?)
 }
 
-/// Reads runs in order of creation, newest last, after a cursor: archived runs, or all others.
+/// Reads the runs with these ids, in their order.
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if the query fails.
-pub async fn page(
-    conn: &mut SqliteConnection,
-    after: RunCursor<'_>,
-    are_archived: bool,
-    limit: i64,
-) -> Result<Vec<RunRow>, StoreError> {
+pub async fn of_ids(conn: &mut SqliteConnection, ids: &[String]) -> Result<Vec<RunRow>, StoreError> {
+    let ids = to_json(&ids)?;
     Ok(query_runs!(
-        "runs r WHERE (r.created_at, r.id) > (?, ?) AND r.deleted_at IS NULL AND (r.archived_at IS NOT NULL) = ?
-         ORDER BY r.created_at, r.id LIMIT ?",
-        after.created_at,
-        after.id,
-        are_archived,
-        limit
-    )
-    .fetch_all(conn)
-    .await?)
-}
-
-/// Reads the runs of a [`page`] that have a tag.
-///
-/// # Errors
-/// Returns [`StoreError::Database`] if the query fails.
-pub async fn page_with_tag(
-    conn: &mut SqliteConnection,
-    tag: &RunTag,
-    after: RunCursor<'_>,
-    are_archived: bool,
-    limit: i64,
-) -> Result<Vec<RunRow>, StoreError> {
-    let tag = tag.as_str();
-    Ok(query_runs!(
-        "run_tags t CROSS JOIN runs r ON r.id = t.run
-         WHERE t.tag = ? AND (t.run_created_at, t.run) > (?, ?) AND r.deleted_at IS NULL
-               AND (r.archived_at IS NOT NULL) = ?
-         ORDER BY t.run_created_at, t.run LIMIT ?",
-        tag,
-        after.created_at,
-        after.id,
-        are_archived,
-        limit
+        "json_each(?) wanted CROSS JOIN runs r ON r.id = wanted.value LEFT JOIN run_totals t ON t.run = r.id
+         WHERE r.deleted_at IS NULL ORDER BY wanted.key",
+        ids
     )
     .fetch_all(conn)
     .await?)
@@ -274,7 +249,7 @@ pub async fn set_status(
     Ok(())
 }
 
-/// Sets the settings of a run, as JSON.
+/// Sets the settings of a run, as JSON, and the columns that lists read instead.
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if a statement fails.
@@ -284,7 +259,16 @@ pub async fn set_settings(
     settings: &str,
     now: Millis,
 ) -> Result<(), StoreError> {
-    query!("UPDATE runs SET settings = ? WHERE id = ?", settings, id).execute(&mut *conn).await?;
+    query!(
+        "UPDATE runs SET settings = ?2, strategy = coalesce(?2 ->> '$.curriculum.strategy', ''),
+                tasks = coalesce((SELECT group_concat(task) FROM (
+                            SELECT value ->> '$.task' AS task FROM json_each(?2, '$.curriculum.tasks') ORDER BY task)), '')
+         WHERE id = ?1",
+        id,
+        settings
+    )
+    .execute(&mut *conn)
+    .await?;
     append_settings(conn, id, settings, now).await
 }
 
@@ -363,6 +347,15 @@ pub async fn keep_initial_curriculum(
 /// Returns [`StoreError::Database`] if the statement fails.
 pub async fn set_name(conn: &mut SqliteConnection, id: &str, name: &str) -> Result<(), StoreError> {
     query!("UPDATE runs SET name = ? WHERE id = ?", name, id).execute(conn).await?;
+    Ok(())
+}
+
+/// Sets the note of a run.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn set_note(conn: &mut SqliteConnection, id: &str, note: &str) -> Result<(), StoreError> {
+    query!("UPDATE runs SET note = ? WHERE id = ?", note, id).execute(conn).await?;
     Ok(())
 }
 

@@ -8,7 +8,9 @@ use sqlx::{Connection, SqliteConnection};
 use super::name_set::NameSet;
 use super::open::{open_current_readers_with, open_writer_with};
 use super::principals::PrincipalId;
-use super::runs::{self, RunCursor};
+use super::run_filter::RunFilter;
+use super::run_list::{self, RunOrder, RunSortKey};
+use super::runs;
 use super::{OpenError, leases, open_current_readers, open_writer, run_deletion, tokens};
 
 /// Schema version of the synthetic migration.
@@ -24,7 +26,8 @@ async fn future_migrations(folder: &Path) -> Migrator {
     for file in std::fs::read_dir("../migrations").expect("a folder").map(|file| file.expect("a file")) {
         std::fs::copy(file.path(), migrations.join(file.file_name())).expect("a copy");
     }
-    let statements = "ALTER TABLE runs ADD COLUMN note TEXT; UPDATE runs SET note = name || ' (changed)';";
+    let statements =
+        "ALTER TABLE runs ADD COLUMN remark TEXT; UPDATE runs SET remark = name || ' (changed)';";
     std::fs::write(migrations.join(format!("{FUTURE_SCHEMA}_synthetic.sql")), statements).expect("a file");
     Migrator::new(migrations).await.expect("migrations")
 }
@@ -57,8 +60,8 @@ async fn older_database_is_copied_and_changed() {
     std::fs::write(&unfinished, "half").expect("a file");
     let mut conn = open_writer_with(&path, &future).await.expect("the schema is changed");
     assert_eq!(schema_of(&mut conn).await, FUTURE_SCHEMA);
-    let note = sqlx::query_scalar::<_, String>("SELECT note FROM runs WHERE id = 'run'");
-    assert_eq!(note.fetch_one(&mut conn).await.expect("the run is kept"), "first (changed)");
+    let remark = sqlx::query_scalar::<_, String>("SELECT remark FROM runs WHERE id = 'run'");
+    assert_eq!(remark.fetch_one(&mut conn).await.expect("the run is kept"), "first (changed)");
     conn.close().await.expect("the database closes");
     assert!(!unfinished.exists());
 
@@ -91,8 +94,9 @@ async fn runs_of_the_first_schema_are_kept() {
     assert!(copy_path(&path, 1, "").exists());
     let run = runs::get(&mut conn, "run").await.expect("a query").expect("the run");
     assert_eq!((run.name.as_str(), run.tags), ("first", NameSet::default()));
-    let cursor = RunCursor { created_at: -1, id: "" };
-    assert_eq!(runs::page(&mut conn, cursor, false, 10).await.expect("a query").len(), 1);
+    let order = RunOrder { key: RunSortKey::Created, is_descending: false };
+    let listed = run_list::page(&mut conn, &RunFilter::default(), order, None, 10).await.expect("a query");
+    assert_eq!(listed.runs.len(), 1);
     run_deletion::mark(&mut conn, "run", 1).await.expect("a change");
     while run_deletion::delete_rows(&mut conn, "run").await.expect("a change") {}
     assert_eq!(run_deletion::oldest_pending(&mut conn).await.expect("a query"), None);
@@ -177,4 +181,44 @@ async fn newer_schema_is_rejected() {
     ] {
         assert!(error.to_string().contains(&message), "{error}");
     }
+}
+
+/// Lists of runs read the totals, the strategy and the tasks from columns that earlier schemas do not have.
+#[tokio::test]
+async fn runs_of_an_earlier_schema_are_listed_with_their_totals() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let earlier = folder.path().join("earlier");
+    std::fs::create_dir(&earlier).expect("a folder");
+    for file in std::fs::read_dir("../migrations").expect("a folder").map(|file| file.expect("a file")) {
+        if file.file_name().to_string_lossy().as_ref() < "0016" {
+            std::fs::copy(file.path(), earlier.join(file.file_name())).expect("a copy");
+        }
+    }
+    let path = folder.path().join("db");
+    let earlier = Migrator::new(earlier).await.expect("migrations");
+    let mut conn = open_writer_with(&path, &earlier).await.expect("a database");
+    let rows = r#"
+        INSERT INTO runs (id, name, seed, status, settings, created_at) VALUES
+            ('run', 'run', 1, 'active', '{"curriculum": {"strategy": "plr", "tasks": [{"task": "b/b"}, {"task": "a/a"}]}}', 0);
+        INSERT INTO task_counters (run, task, level, is_designed, episodes, successes, failed, expired, score_sum, episodes_with_skill,
+                                   skill_sum) VALUES ('run', 'a/a', 0, 0, 8, 0, 0, 0, 0, 4, 1.0);
+        INSERT INTO task_history (run, task, width, start, episodes, successes, score_sum, episodes_with_skill, skill_sum, failed, expired,
+                                  contested_groups, success_rate_sum, panel_groups, panel_success_rate_sum, groups, zero_variance_groups,
+                                  claimed_episodes) VALUES ('run', 'a/a', 60000, 120000, 8, 0, 0, 4, 1.0, 0, 0, 0, 0, 0, 0, 0, 0, 0);
+        INSERT INTO task_curves (run, task, ordinal, width, first_episode, episodes, first_step, first_at, last_at, results)
+            VALUES ('run', 'a/a', 0, 4, 0, 8, 0, 120001, 120009, '{}');"#;
+    sqlx::raw_sql(rows).execute(&mut conn).await.expect("rows");
+    conn.close().await.expect("the database closes");
+
+    let mut conn = open_writer(&path).await.expect("the schema is changed");
+    let filter = RunFilter {
+        strategy: Some("plr".to_owned()),
+        tasks: Some("a/a,b/b".to_owned()),
+        ..RunFilter::default()
+    };
+    let order = RunOrder { key: RunSortKey::Skill, is_descending: true };
+    let listed = run_list::page(&mut conn, &filter, order, None, 10).await.expect("a query").runs;
+    let run = listed.first().expect("the run");
+    assert_eq!((run.episodes, run.skill, run.note.as_str()), (8, Some(0.25), ""));
+    assert_eq!((run.first_results_at, run.last_results_at), (Some(120_001), Some(120_009)));
 }

@@ -31,8 +31,11 @@ async fn run(runs: u32) -> anyhow::Result<Vec<Row>> {
     let mut rows = vec![goal_row(format!("start with {runs} runs, until ready"), start_ms, GOAL_START_MS)];
     let active = "/v1/runs?limit=100";
     let archived = "/v1/runs?archived=true&limit=100";
-    for path in [active, archived, "/v1/runs/run-0/overview", "/v1/runs/run-0/mastery", "/metrics", "/readyz"]
-    {
+    let sorted = "/v1/runs?archived=true&limit=100&sort=skill&order=desc";
+    let searched = "/v1/runs?archived=true&limit=100&sort=name&search=run-77";
+    let groups = "/v1/run_groups?by=strategy&archived=true";
+    let run = ["/v1/runs/run-0/overview", "/v1/runs/run-0/mastery", "/metrics", "/readyz"];
+    for path in [active, archived, sorted, searched, groups].into_iter().chain(run) {
         rows.push(goal_row(format!("GET {path}"), median_ms(&api, path).await?, GOAL_REQUEST_MS));
     }
     let mib = process::resident_bytes(server.pid())? as f64 / f64::from(1 << 20);

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use sqlx::SqliteConnection;
 use store::StoreError;
 use store::history::{self, HistoryBucket, MasterySample};
+use store::run_totals;
 
 use crate::engine::run_state::RunState;
 use clock::Millis;
@@ -58,7 +59,7 @@ pub(crate) struct HistoryWriter {
 }
 
 impl HistoryWriter {
-    /// Writes the counts of a transaction, with a sample of mastery if one is due or a level has changed.
+    /// Writes the counts of a transaction to the totals and the history, with a sample of mastery if one is due or a level has changed.
     pub(crate) async fn write(
         &mut self,
         conn: &mut SqliteConnection,
@@ -75,6 +76,7 @@ impl HistoryWriter {
                 parts.entry(task).or_default().mastery = Some(sample);
             }
         }
+        run_totals::add(conn, run, now, &parts).await?;
         history::add(conn, run, now, &parts).await
     }
 }

@@ -20,7 +20,7 @@ use crate::leases::proposal_queue;
 use crate::leases::slots::open_undisclosed;
 use crate::runs::set_tags::parse_tags;
 use crate::runs::settings::RunSettings;
-use crate::runs::validate::check_run_name;
+use crate::runs::validate::{check_run_name, check_run_note};
 
 /// Characters of a generated run id after `run-`.
 const GENERATED_ID_CHARS: usize = 8;
@@ -33,6 +33,7 @@ pub struct CreateRun {
     seed: u64,
     settings: RunSettings,
     tags: BTreeSet<RunTag>,
+    note: String,
     /// Owner of the run; set when token authentication is on.
     owner: Option<OwnerQuota>,
 }
@@ -49,12 +50,13 @@ impl CreateRun {
             .map_err(|error: store::ids::InvalidId| ServiceError::invalid("id", error.to_string()))?;
         let name = request.name.clone().unwrap_or_else(|| id.to_string());
         check_run_name(&name)?;
+        check_run_note(&request.note)?;
         let seed = request.seed.unwrap_or_else(random_seed);
         // Every seed that a client chooses has the same bound.
         Seed::user(seed)
             .map_err(|_| ServiceError::invalid("seed", format!("must be {SEED_REQUIREMENT}, got {seed}")))?;
         let (settings, tags) = (RunSettings::try_from(request)?, parse_tags(&request.tags)?);
-        Ok(Self { id, name, seed, settings, tags, owner: None })
+        Ok(Self { id, name, seed, settings, tags, note: request.note.clone(), owner: None })
     }
 
     /// Returns the change with an owner for the run.
@@ -82,6 +84,11 @@ impl Change for CreateRun {
             tags: NameSet::default(),
             owner: None,
             members: NameSet::default(),
+            note: self.note,
+            episodes: 0,
+            skill: None,
+            first_results_at: None,
+            last_results_at: None,
         };
         if let Some(OwnerQuota { principal, max: Some(max) }) = self.owner
             && principals::count_runs(&mut tx.conn, principal).await? >= i64::from(max)

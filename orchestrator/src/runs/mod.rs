@@ -13,6 +13,7 @@ pub mod retention_settings;
 pub mod run_request;
 pub mod run_status;
 pub mod set_members;
+pub mod set_note;
 pub mod set_policy_version;
 pub mod set_retention;
 pub mod set_tags;

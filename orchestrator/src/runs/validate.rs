@@ -4,6 +4,8 @@ use crate::engine::error::ServiceError;
 
 /// Maximum length of a run's name, in characters.
 const MAX_RUN_NAME_CHARS: usize = 200;
+/// Maximum length of a run's note, in characters.
+const MAX_RUN_NOTE_CHARS: usize = 2000;
 
 /// Checks an integer against its bounds, both inclusive.
 ///
@@ -28,6 +30,20 @@ pub(crate) fn check_episodes(groups: u32, group_size: u32, max: u32) -> Result<(
         return Err(ServiceError::invalid("groups", reason));
     }
     Ok(())
+}
+
+/// Checks the note of a run: at most 2 000 characters.
+///
+/// # Errors
+/// Returns an error that names the field `note` if it is too long.
+pub(crate) fn check_run_note(note: &str) -> Result<(), ServiceError> {
+    match note.chars().count() {
+        0..=MAX_RUN_NOTE_CHARS => Ok(()),
+        count => Err(ServiceError::invalid(
+            "note",
+            format!("must have at most {MAX_RUN_NOTE_CHARS} characters, got {count}"),
+        )),
+    }
 }
 
 /// Checks the name of a run: 1 to 200 characters.

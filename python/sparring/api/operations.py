@@ -643,19 +643,92 @@ class Runs:
         response: types.ArchivedRuns = self._send("POST", "/v1/archive", {}, body, is_repeatable=True)
         return response
 
+    def list_run_groups(
+        self,
+        *,
+        by: Literal["strategy", "tasks", "tag", "activity"],
+        archived: bool | None = None,
+        search: str | None = None,
+        tag: str | None = None,
+        strategy: str | None = None,
+        tasks: str | None = None,
+        activity: Literal["waiting", "running", "idle", "paused", "archived"] | None = None,
+    ) -> types.RunGroupList:
+        """Group runs by a property.
+
+        Args:
+            by: Property whose values are the groups.
+            archived: True for archived runs, false for the others (default false).
+            search: Words that all occur in the id, the name, the note or a tag of a run, at most 200 characters and 8
+                words.
+            tag: Tag of the runs; an empty text selects runs without tags (default: runs with any tags).
+            strategy: Strategy of the runs (default: all).
+            tasks: Ids of all tasks of the runs, in any order, separated by commas (default: any tasks).
+            activity: Activity of the runs (default: any). `archived` selects archived runs.
+        """
+        response: types.RunGroupList = self._send(
+            "GET",
+            "/v1/run_groups",
+            {
+                "by": by,
+                "archived": archived,
+                "search": search,
+                "tag": tag,
+                "strategy": strategy,
+                "tasks": tasks,
+                "activity": activity,
+            },
+            None,
+            is_repeatable=True,
+        )
+        return response
+
     def list(
-        self, *, archived: bool | None = None, tag: str | None = None, limit: int | None = None, cursor: str | None = None
+        self,
+        *,
+        archived: bool | None = None,
+        search: str | None = None,
+        tag: str | None = None,
+        strategy: str | None = None,
+        tasks: str | None = None,
+        activity: Literal["waiting", "running", "idle", "paused", "archived"] | None = None,
+        sort: Literal["created", "name", "episodes", "last_results", "skill"] | None = None,
+        order: Literal["asc", "desc"] | None = None,
+        limit: int | None = None,
+        cursor: str | None = None,
     ) -> types.RunPage:
-        """List runs, oldest first: all of them, or those with a tag.
+        """List runs that match a search and filters, in any order.
 
         Args:
             archived: True for archived runs, false for the others (default false).
-            tag: Tag of the runs to list (default: runs with any tags).
+            search: Words that all occur in the id, the name, the note or a tag of a run, at most 200 characters and 8
+                words. ASCII letters of either case are equal.
+            tag: Tag of the runs to list; an empty text selects runs without tags (default: runs with any tags).
+            strategy: Strategy of the runs to list (default: all).
+            tasks: Ids of all tasks of the runs to list, in any order, separated by commas (default: any tasks).
+            activity: Activity of the runs to list (default: any). `archived` lists archived runs.
+            sort: Value to sort by (default `created`). Runs without the value come last.
+            order: Direction of the order (default `asc`).
             limit: Largest number of runs on a page, from 1 to 500 (default 50).
             cursor: Field `next` of the previous page.
         """
         response: types.RunPage = self._send(
-            "GET", "/v1/runs", {"archived": archived, "tag": tag, "limit": limit, "cursor": cursor}, None, is_repeatable=True
+            "GET",
+            "/v1/runs",
+            {
+                "archived": archived,
+                "search": search,
+                "tag": tag,
+                "strategy": strategy,
+                "tasks": tasks,
+                "activity": activity,
+                "sort": sort,
+                "order": order,
+                "limit": limit,
+                "cursor": cursor,
+            },
+            None,
+            is_repeatable=True,
         )
         return response
 
@@ -691,6 +764,11 @@ class Runs:
     def set_members(self, run: str, **body: Unpack[types.RunMembersRequest]) -> types.RunSummary:
         """Replace the members of a run."""
         response: types.RunSummary = self._send("PUT", f"/v1/runs/{_segment(run)}/members", {}, body, is_repeatable=True)
+        return response
+
+    def set_note(self, run: str, **body: Unpack[types.RunNoteRequest]) -> types.RunSummary:
+        """Set the note of a run."""
+        response: types.RunSummary = self._send("PUT", f"/v1/runs/{_segment(run)}/note", {}, body, is_repeatable=True)
         return response
 
     def get_overview(self, run: str) -> types.RunOverview:
@@ -1480,19 +1558,92 @@ class AsyncRuns:
         response: types.ArchivedRuns = await self._send("POST", "/v1/archive", {}, body, is_repeatable=True)
         return response
 
+    async def list_run_groups(
+        self,
+        *,
+        by: Literal["strategy", "tasks", "tag", "activity"],
+        archived: bool | None = None,
+        search: str | None = None,
+        tag: str | None = None,
+        strategy: str | None = None,
+        tasks: str | None = None,
+        activity: Literal["waiting", "running", "idle", "paused", "archived"] | None = None,
+    ) -> types.RunGroupList:
+        """Group runs by a property.
+
+        Args:
+            by: Property whose values are the groups.
+            archived: True for archived runs, false for the others (default false).
+            search: Words that all occur in the id, the name, the note or a tag of a run, at most 200 characters and 8
+                words.
+            tag: Tag of the runs; an empty text selects runs without tags (default: runs with any tags).
+            strategy: Strategy of the runs (default: all).
+            tasks: Ids of all tasks of the runs, in any order, separated by commas (default: any tasks).
+            activity: Activity of the runs (default: any). `archived` selects archived runs.
+        """
+        response: types.RunGroupList = await self._send(
+            "GET",
+            "/v1/run_groups",
+            {
+                "by": by,
+                "archived": archived,
+                "search": search,
+                "tag": tag,
+                "strategy": strategy,
+                "tasks": tasks,
+                "activity": activity,
+            },
+            None,
+            is_repeatable=True,
+        )
+        return response
+
     async def list(
-        self, *, archived: bool | None = None, tag: str | None = None, limit: int | None = None, cursor: str | None = None
+        self,
+        *,
+        archived: bool | None = None,
+        search: str | None = None,
+        tag: str | None = None,
+        strategy: str | None = None,
+        tasks: str | None = None,
+        activity: Literal["waiting", "running", "idle", "paused", "archived"] | None = None,
+        sort: Literal["created", "name", "episodes", "last_results", "skill"] | None = None,
+        order: Literal["asc", "desc"] | None = None,
+        limit: int | None = None,
+        cursor: str | None = None,
     ) -> types.RunPage:
-        """List runs, oldest first: all of them, or those with a tag.
+        """List runs that match a search and filters, in any order.
 
         Args:
             archived: True for archived runs, false for the others (default false).
-            tag: Tag of the runs to list (default: runs with any tags).
+            search: Words that all occur in the id, the name, the note or a tag of a run, at most 200 characters and 8
+                words. ASCII letters of either case are equal.
+            tag: Tag of the runs to list; an empty text selects runs without tags (default: runs with any tags).
+            strategy: Strategy of the runs to list (default: all).
+            tasks: Ids of all tasks of the runs to list, in any order, separated by commas (default: any tasks).
+            activity: Activity of the runs to list (default: any). `archived` lists archived runs.
+            sort: Value to sort by (default `created`). Runs without the value come last.
+            order: Direction of the order (default `asc`).
             limit: Largest number of runs on a page, from 1 to 500 (default 50).
             cursor: Field `next` of the previous page.
         """
         response: types.RunPage = await self._send(
-            "GET", "/v1/runs", {"archived": archived, "tag": tag, "limit": limit, "cursor": cursor}, None, is_repeatable=True
+            "GET",
+            "/v1/runs",
+            {
+                "archived": archived,
+                "search": search,
+                "tag": tag,
+                "strategy": strategy,
+                "tasks": tasks,
+                "activity": activity,
+                "sort": sort,
+                "order": order,
+                "limit": limit,
+                "cursor": cursor,
+            },
+            None,
+            is_repeatable=True,
         )
         return response
 
@@ -1530,6 +1681,11 @@ class AsyncRuns:
     async def set_members(self, run: str, **body: Unpack[types.RunMembersRequest]) -> types.RunSummary:
         """Replace the members of a run."""
         response: types.RunSummary = await self._send("PUT", f"/v1/runs/{_segment(run)}/members", {}, body, is_repeatable=True)
+        return response
+
+    async def set_note(self, run: str, **body: Unpack[types.RunNoteRequest]) -> types.RunSummary:
+        """Set the note of a run."""
+        response: types.RunSummary = await self._send("PUT", f"/v1/runs/{_segment(run)}/note", {}, body, is_repeatable=True)
         return response
 
     async def get_overview(self, run: str) -> types.RunOverview:

@@ -1119,6 +1119,30 @@ RolloutRequest = TypedDict(
 )
 
 
+RunActivity: TypeAlias = Literal["waiting", "running", "idle", "paused", "archived"]
+"""Activity of a run: what it does now."""
+
+
+class RunGroup(TypedDict):
+    """Runs that share the value of a property."""
+
+    episodes: int
+    """Number of their finished episodes, columns included."""
+    last_results_at: NotRequired[str | None]
+    """Time of their latest results, RFC 3339; null before there are any."""
+    runs: int
+    """Number of its runs."""
+    value: str
+    """Value of the property, in the form of the filter with its name; empty for runs without tags."""
+
+
+class RunGroupList(TypedDict):
+    """Groups of the runs that match."""
+
+    groups: list[RunGroup]
+    """Groups in alphabetical order of their values, at most 1 000."""
+
+
 class RunMembersRequest(TypedDict):
     """Members of a run, and its owner."""
 
@@ -1126,6 +1150,13 @@ class RunMembersRequest(TypedDict):
     """All principals that may take part in the run beside its owner, at most 100."""
     owner: NotRequired[str | None]
     """Principal that becomes the owner (default: the owner stays). Only an admin can set it."""
+
+
+class RunNoteRequest(TypedDict):
+    """Note of a run."""
+
+    note: str
+    """Note of the team, at most 2 000 characters. An empty text removes the note."""
 
 
 class RunParams(TypedDict):
@@ -1188,16 +1219,26 @@ RunStatus: TypeAlias = Literal["active", "paused"]
 class RunSummary(TypedDict):
     """Run, as lists show it."""
 
+    activity: RunActivity
+    """Activity of the run, by its status and its latest results."""
     archived_at: NotRequired[str | None]
     """Time of archiving, RFC 3339."""
     created_at: str
     """Time of creation, RFC 3339."""
+    episodes: int
+    """Number of finished episodes, columns included."""
+    first_results_at: NotRequired[str | None]
+    """Time of the first results, RFC 3339; null before there are any."""
     id: str
     """Id of the run."""
+    last_results_at: NotRequired[str | None]
+    """Time of the latest results, RFC 3339; null before there are any."""
     members: list[str]
     """Principals that may take part in the run beside its owner, in alphabetical order. In a run without an owner, every trainer may."""
     name: str
     """Name of the run for people."""
+    note: str
+    """Note of the team; empty if there is none."""
     owner: NotRequired[str | None]
     """Principal that owns the run; null if the run was created without authentication."""
     policy_version: int
@@ -1211,6 +1252,8 @@ class RunSummary(TypedDict):
     """
     settings: dict[str, Any]
     """Complete settings of the run."""
+    skill: NotRequired[float | None]
+    """Mean skill of the latest episodes: the weight of an episode halves every 1 000 episodes. Null before there are any with a skill."""
     status: RunStatus
     """Status of the run."""
     tags: list[str]
@@ -2365,7 +2408,9 @@ class RunPage(TypedDict):
     next: NotRequired[str | None]
     """Cursor of the next page; null on the last page."""
     runs: list[RunSummary]
-    """Runs of the page, oldest first."""
+    """Runs of the page, in the order of the query."""
+    total: NotRequired[int | None]
+    """Number of runs on all pages; null on all pages but the first."""
 
 
 class RunRequest(TypedDict):
@@ -2392,6 +2437,8 @@ class RunRequest(TypedDict):
     """Number of finished episodes from which a partial group counts (default: half of group_size)."""
     name: NotRequired[str | None]
     """Name of the run for people."""
+    note: NotRequired[str]
+    """Note of the team, at most 2 000 characters (default: empty)."""
     placement: NotRequired[bool | None]
     """True to find the first level by bisection over the levels (default true)."""
     retention: NotRequired[RetentionRequest]

@@ -39,6 +39,7 @@ mod report;
 mod restart;
 mod retention;
 mod run_deletion;
+mod run_list;
 mod run_tags;
 mod runs_command;
 mod scale;

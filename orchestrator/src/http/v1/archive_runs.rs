@@ -39,6 +39,7 @@ pub(super) async fn archive_many_runs(
         parse_run_id(run).map_err(|_| Problem::invalid(format!("runs.{at}"), "is not the id of a run"))
     });
     let rows = app.writer.change(ArchiveRuns { runs: runs.collect::<Result<_, _>>()? }).await?;
-    let runs = rows.into_iter().map(run_from_row).collect::<Result<_, _>>()?;
+    let now = app.clock.now();
+    let runs = rows.into_iter().map(|row| run_from_row(row, now)).collect::<Result<_, _>>()?;
     Ok(axum::Json(ArchivedRuns { runs }))
 }

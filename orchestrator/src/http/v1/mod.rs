@@ -25,7 +25,9 @@ mod policy_versions;
 pub(super) mod results;
 mod retention;
 mod rollout;
+mod run_list;
 mod run_members;
+mod run_note;
 mod run_points;
 mod run_settings;
 mod run_tags;
@@ -51,9 +53,11 @@ use crate::http::state::AppState;
 
 pub(super) fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new()
-        .routes(routes!(runs::create_run, runs::list_runs))
+        .routes(routes!(runs::create_run, run_list::list_runs))
         .routes(routes!(runs::get_run, run_update::update_run, runs::delete_run))
+        .routes(routes!(run_list::list_run_groups))
         .routes(routes!(run_tags::set_tags))
+        .routes(routes!(run_note::set_note))
         .routes(routes!(run_members::set_members))
         .routes(routes!(runs::pause_run))
         .routes(routes!(runs::archive_run))

@@ -29,5 +29,5 @@ pub(super) async fn set_retention(
     Json(request): Json<RetentionRequest>,
 ) -> Result<axum::Json<RunSummary>, Problem> {
     let change = SetRetention { run: parse_run_id(&run)?, request };
-    Ok(axum::Json(run_from_row(app.writer.change(change).await?)?))
+    Ok(axum::Json(run_from_row(app.writer.change(change).await?, app.clock.now())?))
 }

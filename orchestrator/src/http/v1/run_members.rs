@@ -33,5 +33,5 @@ pub(super) async fn set_members(
     Json(request): Json<RunMembersRequest>,
 ) -> Result<axum::Json<RunSummary>, Problem> {
     let change = SetMembers::from_request(parse_run_id(&run)?, caller.actor(), request)?;
-    Ok(axum::Json(run_from_row(app.writer.change(change).await?)?))
+    Ok(axum::Json(run_from_row(app.writer.change(change).await?, app.clock.now())?))
 }

@@ -29,5 +29,5 @@ pub(super) async fn set_tags(
     Json(request): Json<RunTagsRequest>,
 ) -> Result<axum::Json<RunSummary>, Problem> {
     let change = SetTags::from_request(parse_run_id(&run)?, &request.tags)?;
-    Ok(axum::Json(run_from_row(app.writer.change(change).await?)?))
+    Ok(axum::Json(run_from_row(app.writer.change(change).await?, app.clock.now())?))
 }

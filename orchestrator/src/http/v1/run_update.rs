@@ -31,5 +31,5 @@ pub(super) async fn update_run(
 ) -> Result<axum::Json<RunSummary>, Problem> {
     let row = app.writer.change(ChangeRun { run: parse_run_id(&run)?, change }).await?;
     tracing::info!(run = %row.id, "Run updated.");
-    Ok(axum::Json(run_from_row(row)?))
+    Ok(axum::Json(run_from_row(row, app.clock.now())?))
 }

@@ -1,24 +1,21 @@
-//! Runs: create, list, get, pause, archive, resume and delete.
+//! Runs: create, get, pause, archive, resume and delete.
 
 use crate::api_enums::ConvertEnum;
 use api_types::{
-    Judge, PolicyVersionRequest, Run, RunDeletionQuery, RunPage, RunQuery, RunRequest, RunSummary,
-    RunWarning, RunWarnings,
+    Judge, PolicyVersionRequest, Run, RunDeletionQuery, RunRequest, RunSummary, RunWarning, RunWarnings,
 };
 use axum::Extension;
 use axum::extract::State;
 use axum::http::StatusCode;
 use store::ids::LeaseId;
-use store::run_tags::RunTag;
 use store::run_warnings::{self, RunWarningRow};
-use store::runs::{self, RunCursor, RunRow};
-use store::{from_json, to_u64};
+use store::runs::{self, RunRow};
+use store::{from_json, run_filter, to_u64};
 
 use super::failures::critique_backlog;
 use crate::engine::error::ServiceError;
 use crate::http::access::Caller;
 use crate::http::extract::{Json, NoQuery, Path, Query};
-use crate::http::paging::{PageCursor, next_cursor, page_limit};
 use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
@@ -26,17 +23,25 @@ use crate::runs::create_run::CreateRun;
 use crate::runs::delete_run::DeleteRun;
 use crate::runs::run_status::{RunAction, SetRunStatus};
 use crate::runs::set_policy_version::SetPolicyVersion;
-use clock::rfc3339;
+use clock::{Millis, rfc3339};
 
+/// Age up to which results make a run count as running, in milliseconds.
+pub(super) const RECENT: Millis = 60_000;
 /// Number of warnings that a run shows.
 const MAX_WARNINGS: i64 = 20;
 
-/// Converts the row of a run.
+/// Converts the row of a run at the moment `now`.
 ///
 /// # Errors
 /// Returns an internal problem if the stored settings cannot be read.
-pub(super) fn run_from_row(row: RunRow) -> Result<RunSummary, Problem> {
+pub(super) fn run_from_row(row: RunRow, now: Millis) -> Result<RunSummary, Problem> {
     Ok(RunSummary {
+        activity: run_filter::activity_of(&row, now - RECENT).convert(),
+        note: row.note,
+        episodes: row.episodes,
+        skill: row.skill,
+        first_results_at: row.first_results_at.map(rfc3339),
+        last_results_at: row.last_results_at.map(rfc3339),
         settings: from_json("a run's settings", &row.settings)?,
         id: row.id,
         name: row.name,
@@ -84,31 +89,7 @@ pub(super) async fn create_run(
         .change(CreateRun::from_request(&request)?.owned_by(caller.owner_quota(app.client_limits.runs)))
         .await?;
     tracing::info!(run = %row.id, "Run created.");
-    Ok((StatusCode::CREATED, axum::Json(run_from_row(row)?)))
-}
-
-/// List runs, oldest first: all of them, or those with a tag.
-#[utoipa::path(
-    get, path = "/runs", tag = "runs", params(RunQuery),
-    responses((status = 200, body = RunPage), (status = 400, body = Problem), (status = 422, body = Problem))
-)]
-pub(super) async fn list_runs(
-    State(app): State<AppState>,
-    Query(query): Query<RunQuery>,
-) -> Result<axum::Json<RunPage>, Problem> {
-    let limit = page_limit(query.limit)?;
-    let after = PageCursor::parse(query.cursor.as_deref())?.unwrap_or_default();
-    let tag = query.tag.as_deref().map(str::parse::<RunTag>).transpose();
-    let tag = tag.map_err(|error| Problem::invalid("tag", error.to_string()))?;
-    let (after, archived) = (RunCursor { created_at: after.number, id: after.text }, query.archived);
-    let mut conn = app.readers.acquire().await?;
-    let rows = match tag {
-        Some(tag) => runs::page_with_tag(&mut conn, &tag, after, archived, limit).await?,
-        None => runs::page(&mut conn, after, archived, limit).await?,
-    };
-    let last = rows.last().map(|row| PageCursor { number: row.created_at, text: &row.id });
-    let next = next_cursor(rows.len(), limit, last);
-    Ok(axum::Json(RunPage { runs: rows.into_iter().map(run_from_row).collect::<Result<_, _>>()?, next }))
+    Ok((StatusCode::CREATED, axum::Json(run_from_row(row, app.clock.now())?)))
 }
 
 /// Get a run with its warnings.
@@ -129,7 +110,7 @@ pub(super) async fn get_run(
     let warnings = run_warnings::newest(&mut conn, run.as_str(), MAX_WARNINGS).await?;
     let newest = warnings.newest.into_iter().map(run_warning).collect();
     let warnings = RunWarnings { count: warnings.count, newest };
-    Ok(axum::Json(Run { summary: run_from_row(row)?, critique_backlog, warnings }))
+    Ok(axum::Json(Run { summary: run_from_row(row, app.clock.now())?, critique_backlog, warnings }))
 }
 
 /// Pause a run.
@@ -209,7 +190,7 @@ pub(super) async fn delete_run(
     let row = app.writer.change(DeleteRun { run: run.clone(), name: query.name }).await?;
     app.sessions.end_run(&run);
     tracing::info!(%run, "Run deleted; its data is deleted in the background.");
-    Ok(axum::Json(run_from_row(row)?))
+    Ok(axum::Json(run_from_row(row, app.clock.now())?))
 }
 
 /// Set the newest policy version of a run.
@@ -234,10 +215,10 @@ pub(super) async fn set_policy_version(
 ) -> Result<axum::Json<RunSummary>, Problem> {
     let (run, actor) = (parse_run_id(&run)?, caller.actor());
     let change = SetPolicyVersion { run, policy_version: request.policy_version, actor };
-    Ok(axum::Json(run_from_row(app.writer.change(change).await?)?))
+    Ok(axum::Json(run_from_row(app.writer.change(change).await?, app.clock.now())?))
 }
 
 async fn set_status(app: &AppState, run: &str, action: RunAction) -> Result<axum::Json<RunSummary>, Problem> {
     let row = app.writer.change(SetRunStatus { run: parse_run_id(run)?, action }).await?;
-    Ok(axum::Json(run_from_row(row)?))
+    Ok(axum::Json(run_from_row(row, app.clock.now())?))
 }
