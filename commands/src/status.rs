@@ -72,7 +72,7 @@ struct RunStatusLine {
 }
 
 async fn show_server(connection: &Connection, json: bool) -> anyhow::Result<()> {
-    let mut runs = list_runs(&connection.api, false, None).await?;
+    let mut runs = list_runs(&connection.api, &[]).await?;
     runs.reverse();
     let run_count = runs.len();
     let mut lines = Vec::new();

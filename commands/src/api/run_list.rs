@@ -22,25 +22,23 @@ impl NamedRun for RunSummary {
     }
 }
 
-/// Lists all runs, or those with a tag, oldest first: the archived ones, or the others.
+/// Lists all runs that match the parameters of `GET /v1/runs`, oldest first unless they have another order.
 ///
 /// # Errors
 /// Returns the errors of [`ApiClient::get`].
-pub async fn list_runs(
-    api: &ApiClient,
-    archived: bool,
-    tag: Option<&str>,
-) -> anyhow::Result<Vec<RunSummary>> {
-    let mut query = vec![("limit", PAGE), ("archived", if archived { "true" } else { "false" })];
-    query.extend(tag.map(|tag| ("tag", tag)));
-    let first = with_query("/v1/runs", &query);
-    let mut page: RunPage = api.get(&first).await?;
-    let mut runs = page.runs;
-    while let Some(cursor) = page.next {
-        page = api.get(&format!("{first}&cursor={cursor}")).await?;
+pub async fn list_runs(api: &ApiClient, parameters: &[(&str, &str)]) -> anyhow::Result<Vec<RunSummary>> {
+    let (mut runs, mut cursor) = (Vec::new(), None::<String>);
+    loop {
+        let mut query = vec![("limit", PAGE)];
+        query.extend(parameters);
+        query.extend(cursor.as_deref().map(|cursor| ("cursor", cursor)));
+        let mut page: RunPage = api.get(&with_query("/v1/runs", &query)).await?;
         runs.append(&mut page.runs);
+        match page.next {
+            Some(next) => cursor = Some(next),
+            None => return Ok(runs),
+        }
     }
-    Ok(runs)
 }
 
 /// Finds a run by its id, by a prefix of one id only, or by a name of one run only. Without `wanted`, returns the only run
@@ -49,9 +47,9 @@ pub async fn list_runs(
 /// # Errors
 /// Returns an error that lists the candidates or similar names if no single run is meant.
 pub async fn find_run(api: &ApiClient, wanted: Option<&str>) -> anyhow::Result<RunSummary> {
-    let mut runs = list_runs(api, false, None).await?;
+    let mut runs = list_runs(api, &[]).await?;
     if wanted.is_some() {
-        runs.append(&mut list_runs(api, true, None).await?);
+        runs.append(&mut list_runs(api, &[("archived", "true")]).await?);
     }
     select_run(runs, wanted)
 }

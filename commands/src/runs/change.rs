@@ -70,7 +70,8 @@ pub(super) async fn archive(api: &ApiClient, args: &ArchiveArgs) -> anyhow::Resu
     }
     let latest =
         args.older_than.map(|days| Clock::system().now() - i64::from(days) * MILLIS_PER_DAY).map(rfc3339);
-    let mut runs = list_runs(api, false, args.tag.as_deref()).await?;
+    let filter: Vec<_> = args.tag.iter().map(|tag| ("tag", tag.as_str())).collect();
+    let mut runs = list_runs(api, &filter).await?;
     // Times in RFC 3339 with the same precision are ordered as text.
     runs.retain(|run| latest.as_ref().is_none_or(|latest| run.created_at < *latest));
     let mut archived = Vec::with_capacity(runs.len());

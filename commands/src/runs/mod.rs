@@ -5,6 +5,7 @@ pub(crate) mod create;
 mod delete;
 mod list;
 mod members;
+mod note;
 mod show;
 mod tag;
 
@@ -16,7 +17,7 @@ use clap::Subcommand;
 
 use crate::api::{Connection, ServerArgs, StartService};
 
-/// List, show, create, tag, share, pause, resume, archive or delete runs.
+/// List, show, create, tag, annotate, share, pause, resume, archive or delete runs.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 RUN is the id of a run, the beginning of one id only, or the name of one run only. Where only one run is not archived, RUN can be \
@@ -29,7 +30,8 @@ Examples:
   sparring runs create --name baseline --task survival --group-size 8
   sparring runs show baseline
   sparring runs tag baseline lr:3e-4 paper --remove draft
-  sparring runs list --tag paper
+  sparring runs note baseline 'first run with the new encoder'
+  sparring runs list --tag paper --sort skill
   sparring runs members baseline notebook
   sparring runs pause run-1a
   sparring runs delete run-1a --archive
@@ -47,6 +49,7 @@ enum Command {
     Show(show::Args),
     Create(create::Args),
     Tag(tag::Args),
+    Note(note::Args),
     Members(members::Args),
     Pause(change::PauseArgs),
     Resume(change::ResumeArgs),
@@ -68,6 +71,7 @@ pub fn run(args: &Args, start: StartService) -> anyhow::Result<ExitCode> {
             Command::Show(args) => show::run(api, args).await,
             Command::Create(args) => create::run(api, args).await,
             Command::Tag(args) => tag::run(api, args).await,
+            Command::Note(args) => note::run(api, args).await,
             Command::Members(args) => members::run(api, args).await,
             Command::Pause(args) => change::pause(api, args).await,
             Command::Resume(args) => change::resume(api, args).await,

@@ -87,6 +87,7 @@ fn use_runs(db: &Path, is_served: bool) {
     assert_eq!(stdout(db, &["runs", "archive", "second"]).trim(), "second is archived");
     assert_eq!(json_output(db, &["runs", "list", "--archived", "--json"])[0]["id"], "second");
     tag_runs(db);
+    search_runs(db);
     delete_run(db, is_served);
     // One run is left, so it needs no name.
     assert!(stdout(db, &["runs", "show"]).contains("Run first (baseline)"));
@@ -119,6 +120,24 @@ fn tag_runs(db: &Path) {
     assert!(invalid.contains("tags.") && invalid.contains("begin with a letter or a digit"), "{invalid}");
     let none = error(sparring(&["runs", "tag", "first", "--db"]).arg(db));
     assert!(none.contains("<TAG>"), "{none}");
+}
+
+/// Sets a note, and lists runs by search, activity and order: `first` is active, `third` is newer.
+fn search_runs(db: &Path) {
+    let noted = stdout(db, &["runs", "note", "baseline", "new encoder"]);
+    assert_eq!(noted.trim(), "note of first: new encoder");
+    let listed = |flags: &[&str]| -> Vec<String> {
+        let runs = json_output(db, &[&["runs", "list", "--json"], flags].concat());
+        runs.as_array().unwrap().iter().map(|run| run["id"].as_str().unwrap().to_owned()).collect()
+    };
+    assert_eq!(listed(&[]), ["third", "first"]);
+    assert_eq!(listed(&["--order", "asc"]), ["first", "third"]);
+    assert_eq!(listed(&["--sort", "name", "--order", "asc"]), ["first", "third"], "baseline, third");
+    assert_eq!(listed(&["--search", "encoder LR:3e"]), ["first"]);
+    assert_eq!(listed(&["--activity", "waiting", "--strategy", "uniform"]), [""; 0]);
+    assert_eq!(listed(&["--activity", "archived"]), ["second"]);
+    assert_eq!(stdout(db, &["runs", "note", "first", ""]).trim(), "note of first: none");
+    assert!(error(sparring(&["runs", "list", "--sort", "size", "--db"]).arg(db)).contains("last_results"));
 }
 
 /// Deletes the archived run `second` and the active run `third`.
