@@ -39,12 +39,13 @@ test("a run is created, paused, resumed, archived and restored", async () => {
   await page.getByText("No runs yet").waitFor();
   await press(page, "New run");
   const dialog = page.getByRole("dialog");
-  await dialog.getByLabel("ID (generated if empty)").fill("mine");
-  await dialog.getByLabel("Strategy").selectOption("uniform");
-  await dialog.getByLabel("Rollouts per scenario").fill("4");
+  await dialog.getByLabel("id", { exact: true }).fill("mine");
+  await dialog.getByLabel("Strategy", { exact: true }).selectOption("uniform");
+  await dialog.getByText("Groups and evidence").click();
+  await dialog.getByLabel("group size", { exact: true }).fill("4");
   await dialog.getByLabel("kessler/survival").check();
   await dialog.getByRole("button", { name: "Create" }).click();
-  await page.getByRole("article", { name: "mine" }).waitFor();
+  await page.getByRole("rowheader", { name: "mine" }).waitFor();
   const getRun = () => server.get<Run>("/v1/runs/mine");
   const { settings } = await getRun();
   expect([
@@ -56,10 +57,11 @@ test("a run is created, paused, resumed, archived and restored", async () => {
   await waitFor(getRun, ({ status }) => status === "paused");
   await press(page, "Resume mine");
   await waitFor(getRun, ({ status }) => status === "active");
-  await press(page, "Archive mine");
+  await page.getByLabel("Select mine").check();
+  await press(page, "Archive");
   await waitFor(getRun, (run) => run.archived_at !== null);
   await page.getByText("No runs yet").waitFor();
-  await page.getByLabel("Show archived").check();
+  await page.getByRole("combobox", { name: /^Activity/ }).selectOption("archived");
   await press(page, "Resume mine");
   await waitFor(getRun, (run) => run.archived_at === null);
   expect(problems).toEqual([]);
@@ -74,7 +76,7 @@ test("a rejected request is reported in its dialog", async () => {
   await visit(page, server.url, "/");
   await press(page, "New run");
   const dialog = page.getByRole("dialog");
-  await dialog.getByLabel("ID (generated if empty)").fill("taken");
+  await dialog.getByLabel("id", { exact: true }).fill("taken");
   await dialog.getByRole("button", { name: "Create" }).click();
   expect(await dialog.getByRole("alert").textContent()).toContain("taken");
   await page.keyboard.press("Escape");
@@ -189,7 +191,15 @@ test("the keyboard reaches every control of the runs page", async () => {
       ),
     );
   }
-  for (const name of ["Runs", "Evaluations", "Play", "New run", "Pause keyboard", "Archive keyboard"])
+  for (const name of [
+    "Runs",
+    "Evaluations",
+    "Play",
+    "New run",
+    "Columns",
+    "Select keyboard",
+    "Pause keyboard",
+  ])
     expect(reached).toContain(name);
 });
 

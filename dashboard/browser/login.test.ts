@@ -44,7 +44,7 @@ test("without a token the dashboard shows only the login form", async () => {
 
 test("a viewer sees live data and cannot change anything", async () => {
   const { page } = await logIn("viewer");
-  await page.getByRole("article", { name: "run" }).waitFor();
+  await page.getByRole("rowheader", { name: "run" }).waitFor();
   await page.getByText("Role: viewer").waitFor();
   const pause = page.getByRole("button", { name: "Pause run" });
   expect(await pause.isDisabled()).toBe(true);
@@ -64,7 +64,7 @@ test("a trainer can create runs but not manage them", async () => {
   const { page } = await logIn("trainer");
   await page.getByText("Role: trainer").waitFor();
   expect(await page.getByRole("button", { name: "New run" }).isEnabled()).toBe(true);
-  expect(await page.getByRole("button", { name: "Archive run" }).isDisabled()).toBe(true);
+  expect(await page.getByRole("button", { name: "Pause run" }).isDisabled()).toBe(true);
   await visit(page, fixture.server.url, "/runs/run/designs");
   expect(await page.getByRole("button", { name: "Request", exact: true }).isDisabled()).toBe(true);
   await page.context().close();

@@ -20,6 +20,7 @@ export async function pagesOfTrainedRun(url: string, run: string): Promise<Recor
     (await get(`/v1/runs/${run}/designs?limit=1&state=active`))["designs"] ?? [];
   return {
     runs: { route: "/", text: "sparring demo" },
+    "runs-grouped": { route: "/?group=tasks", text: "1 run," },
     run: { route: `/runs/${run}`, text: "Mastery of survival" },
     "run-parameters": { route: `/runs/${run}?tab=parameters`, text: "bodies the generator draws" },
     "run-failures": { route: `/runs/${run}?tab=failures`, text: "Failure modes" },
@@ -43,7 +44,7 @@ export async function pagesOfTrainedRun(url: string, run: string): Promise<Recor
 
 /** Pages of a server whose only run, `new`, has no episodes. */
 export const PAGES_OF_EMPTY_RUN: Record<string, PageCase> = {
-  runs: { route: "/", text: "Active leases" },
+  runs: { route: "/", text: "waiting" },
   run: { route: "/runs/new", text: "No episodes yet" },
   "run-failures": { route: "/runs/new?tab=failures", text: "No episodes analysed yet" },
   "run-activity": { route: "/runs/new?tab=activity", text: "No level has moved" },

@@ -11,6 +11,7 @@ export const routes = {
   "/runs/:run/episodes/:episode": wrap({ asyncComponent: () => import("./pages/Replay.svelte") }),
   "/runs/:run/designs": wrap({ asyncComponent: () => import("./pages/Designs.svelte") }),
   "/runs/:run/designs/:design": wrap({ asyncComponent: () => import("./pages/Design.svelte") }),
+  "/compare": wrap({ asyncComponent: () => import("./pages/CompareRuns.svelte") }),
   "/evaluations": wrap({ asyncComponent: () => import("./pages/Evaluations.svelte") }),
   "/evaluations/compare": wrap({ asyncComponent: () => import("./pages/Compare.svelte") }),
   "/evaluations/:evaluation": wrap({ asyncComponent: () => import("./pages/Evaluation.svelte") }),

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { activityOf } from "./activity";
+import { activityOf, activityOfRun } from "./activity";
 
 const at = (seconds: number) => new Date(1000 * seconds).toISOString();
 
@@ -31,4 +31,21 @@ test("the duration and the rate of an idle run do not change any more", () => {
 test("a run without results waits", () => {
   const overview = { episodes: 0, episodes_per_s: 0, first_results_at: null, last_results_at: null };
   expect(activityOf(overview, 0).state).toBe("waiting");
+});
+
+test("a run of a list is archived, paused, or what its results say", () => {
+  const run = {
+    status: "active" as const,
+    archived_at: null,
+    episodes: 5,
+    first_results_at: at(100),
+    last_results_at: at(1000),
+  };
+  const state = (changes: object, now = 1_030_000) => activityOfRun({ ...run, ...changes }, now).state;
+  expect(state({})).toBe("running");
+  expect(state({}, 1_061_000)).toBe("idle");
+  expect(state({ first_results_at: null, last_results_at: null })).toBe("waiting");
+  expect(state({ status: "paused" })).toBe("paused");
+  expect(state({ status: "paused", archived_at: at(1001) })).toBe("archived");
+  expect(activityOfRun(run, 1_030_000).text).toBe("running for 15 min 30 s");
 });

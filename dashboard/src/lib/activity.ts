@@ -1,5 +1,5 @@
 /** What a run does now, by its latest results. */
-import type { RunOverview } from "./api-types";
+import type { RunActivity, RunOverview, RunSummary } from "./api-types";
 import { formatDuration } from "./format";
 
 /** Time without results after which a run counts as idle, in milliseconds. */
@@ -31,4 +31,23 @@ export function activityOf(
   const rate = last > first ? (1000 * episodes) / (last - first) : null;
   const text = `for ${formatDuration(now - last)}, after ${formatDuration(last - first)} with results`;
   return { state: "idle", text, rate, rateOf: "whole run" };
+}
+
+/** Returns what a run of a list does at the moment `now`: its activity, and a sentence about it. */
+export function activityOfRun(
+  run: Pick<RunSummary, "status" | "archived_at" | "episodes" | "first_results_at" | "last_results_at">,
+  now: number,
+): { state: RunActivity; text: string } {
+  if (run.archived_at) return { state: "archived", text: "Archived: the run is left out of lists" };
+  if (run.status === "paused") return { state: "paused", text: "Paused: the run grants no leases" };
+  const { state, text } = activityOf(
+    {
+      episodes: run.episodes,
+      episodes_per_s: 0,
+      first_results_at: run.first_results_at ?? null,
+      last_results_at: run.last_results_at ?? null,
+    },
+    now,
+  );
+  return { state, text: `${state} ${text}` };
 }

@@ -63,3 +63,13 @@ export async function detectRole() {
     // A 403 response has set the role. The current page reports any other error.
   }
 }
+
+/** Loads the OpenAPI document of the service. */
+export async function loadApiDocument(): Promise<unknown> {
+  const headers = new Headers();
+  if (session.token) headers.set("Authorization", `Bearer ${session.token}`);
+  const response = await fetch("/openapi.json", { headers });
+  if (!response.ok)
+    throw new ApiError(response.status, `The server responded with status ${String(response.status)}.`);
+  return response.json();
+}

@@ -1,0 +1,60 @@
+import { describe, expect, test } from "vitest";
+import {
+  comparisonAddress,
+  filtersOf,
+  formatView,
+  groupFilter,
+  groupName,
+  parseView,
+  sortBy,
+  tableColumns,
+} from "./run-query";
+
+describe("view of the runs in the address", () => {
+  test("an empty query is the default view, and is written as one", () => {
+    const view = parseView("");
+    expect([view.sort, view.descending, view.group, view.search]).toEqual(["created", true, "", ""]);
+    expect(view.columns).toContain("skill");
+    expect(formatView(view)).toBe("");
+    expect(filtersOf(view)).toEqual({});
+  });
+  test("every part survives", () => {
+    const query =
+      "search=lr+3e-4&activity=idle&tag=paper&strategy=plr&group=tasks&sort=skill&order=asc&columns=note%2Cseed";
+    expect(formatView(parseView(query))).toBe(query);
+  });
+  test("unknown words are left out, and columns keep their order", () => {
+    const view = parseView("sort=x&group=y&activity=z&columns=tags,nothing,activity");
+    expect([view.sort, view.group, view.activity]).toEqual(["created", "", ""]);
+    expect(view.columns).toEqual(["activity", "tags"]);
+    expect(parseView("columns=").columns).toEqual([]);
+  });
+  test("a column sorts in its usual direction first", () => {
+    const byName = sortBy(parseView(""), "name");
+    expect([byName.sort, byName.descending]).toEqual(["name", false]);
+    expect(sortBy(byName, "name").descending).toBe(true);
+    expect(sortBy(byName, "skill").descending).toBe(true);
+  });
+  test("spaces alone are no search, and ids of compared runs are in the address", () => {
+    expect(filtersOf(parseView("search=+++"))).toEqual({});
+    expect(comparisonAddress(["a", "b-1"])).toBe("#/compare?runs=a,b-1");
+  });
+  test("groups are filters, and runs without tags are a group", () => {
+    expect([groupFilter("", "x"), groupFilter("tasks", "a/b,c/d"), groupFilter("tag", "")]).toEqual([
+      {},
+      { tasks: "a/b,c/d" },
+      { tag: "" },
+    ]);
+    expect([groupName("tag", ""), groupName("tasks", "a/b,c/d"), groupName("strategy", "plr")]).toEqual([
+      "no tags",
+      "a/b, c/d",
+      "plr",
+    ]);
+  });
+  test("the table is as wide as its columns", () => {
+    expect(tableColumns(["strategy", "note"])).toEqual({
+      template: "1.2rem minmax(10rem, 2fr) 5.5rem minmax(10rem, 1fr) 7.2rem",
+      width: "38rem",
+    });
+  });
+});
