@@ -11,7 +11,8 @@ export interface Curve {
   high?: (number | null)[];
   /** Meaning of these bounds, for the legend. */
   bounds?: string;
-  dashed?: boolean;
+  /** True for dashes, or the lengths of dashes and gaps in pixels. */
+  dashed?: boolean | number[];
   /** True if the value is constant between points: drawn as steps. */
   stepped?: boolean;
   /** Values before they were scaled for the drawing, for the legend and the CSV file. */
