@@ -100,6 +100,8 @@ pub struct EvaluationScenario {
     pub reference: f64,
     /// Number of finished episodes.
     pub episodes: usize,
+    /// Id of the first of them in the run of the evaluation, whose replay can be read; null if the server ran the scenario.
+    pub first_episode: Option<String>,
     /// Mean score of the episodes.
     pub score: Option<f64>,
     /// Success rate of the episodes.

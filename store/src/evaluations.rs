@@ -83,6 +83,12 @@ pub struct EntryEpisodes {
     pub entry: i64,
     /// Results of the episodes as JSON; none if they were not run yet.
     pub episodes: Option<String>,
+    /// Number of the lease whose group runs the scenario; none if it waits, or if the server runs it.
+    pub lease: Option<i64>,
+    /// Random part of the id of that lease.
+    pub id_suffix: Option<String>,
+    /// Index of the group's first episode in the lease.
+    pub first_number: Option<i64>,
 }
 
 /// Stores an evaluation with its scenarios, none of them run. Returns its number.
@@ -332,7 +338,10 @@ pub async fn scenarios(
 ) -> Result<Vec<EntryEpisodes>, StoreError> {
     Ok(sqlx::query_as!(
         EntryEpisodes,
-        "SELECT entry, episodes FROM evaluation_scenarios WHERE evaluation = ? AND entry > ? ORDER BY entry LIMIT ?",
+        r#"SELECT s.entry, s.episodes, l.id AS "lease?: i64", l.id_suffix AS "id_suffix?",
+                  s.number * l.group_size AS "first_number?: i64"
+           FROM evaluation_scenarios AS s LEFT JOIN leases AS l ON l.id = s.lease
+           WHERE s.evaluation = ? AND s.entry > ? ORDER BY s.entry LIMIT ?"#,
         id,
         after,
         limit

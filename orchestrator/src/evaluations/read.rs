@@ -83,7 +83,7 @@ pub async fn load_evaluation(conn: &mut SqliteConnection, id: i64) -> Result<Loa
     }
     // Scenarios of tasks that are not evaluated have no episodes.
     let mut episodes = vec![Vec::new(); suite_of(&row)?.suite.entries().count()];
-    for EntryEpisodes { entry, episodes: text } in evaluations::all_scenarios(conn, id).await? {
+    for EntryEpisodes { entry, episodes: text, .. } in evaluations::all_scenarios(conn, id).await? {
         let slot = usize::try_from(entry).ok().and_then(|position| episodes.get_mut(position));
         let slot = slot.ok_or_else(|| StoreError::corrupt("an evaluation", "a scenario beyond its suite"))?;
         if let Some(text) = text {

@@ -2106,6 +2106,8 @@ class EvaluationScenario(TypedDict):
 
     episodes: int
     """Number of finished episodes."""
+    first_episode: NotRequired[str | None]
+    """Id of the first of them in the run of the evaluation, whose replay can be read; null if the server ran the scenario."""
     floor: float
     """
     Score without acting on observations: mean score of the blind panel in `kessler/survival` and `kessler/eco_station`,

@@ -4,7 +4,7 @@ use api_types::{EvaluationScenario, EvaluationScenarioPage, PageQuery, SuiteSect
 use axum::extract::State;
 use store::evaluations::{self, EntryEpisodes};
 use store::from_json;
-use store::ids::EvaluationId;
+use store::ids::{EpisodeId, EvaluationId, LeaseId};
 
 use crate::engine::error::ServiceError;
 use crate::evaluations::read::suite_of;
@@ -43,16 +43,25 @@ pub(in crate::http::v1) async fn list_evaluation_scenarios(
         .flat_map(|group| group.entries.iter().map(|entry| (group.level, entry)))
         .collect();
     let mut scenarios = Vec::with_capacity(flown.len());
-    for EntryEpisodes { entry: index, episodes } in flown {
+    for row in flown {
+        let index = row.entry;
         let Some((level, entry)) = usize::try_from(index).ok().and_then(|index| all.get(index)) else {
             continue;
         };
         let episodes: Option<Vec<EpisodeMeasures>> =
-            episodes.as_deref().map(|text| from_json("an evaluation", text)).transpose()?;
-        scenarios.push(evaluation_scenario(index, *level, entry, &episodes.unwrap_or_default()));
+            row.episodes.as_deref().map(|text| from_json("an evaluation", text)).transpose()?;
+        let first_episode = first_episode(row).filter(|_| episodes.is_some());
+        let scenario = evaluation_scenario(index, *level, entry, &episodes.unwrap_or_default());
+        scenarios.push(EvaluationScenario { first_episode, ..scenario });
     }
     let next = next_cursor(scenarios.len(), limit, scenarios.last().map(|row| PageCursor::at(row.index)));
     Ok(axum::Json(EvaluationScenarioPage { scenarios, next }))
+}
+
+/// Returns the id of the first episode of a scenario that a trainer runs.
+fn first_episode(row: EntryEpisodes) -> Option<String> {
+    let lease = LeaseId { number: row.lease?, suffix: row.id_suffix? };
+    Some(EpisodeId { lease, index: row.first_number? }.to_string())
 }
 
 fn evaluation_scenario(
@@ -75,6 +84,7 @@ fn evaluation_scenario(
         floor: entry.bracket.floor,
         reference: entry.bracket.reference.score,
         episodes: episodes.len(),
+        first_episode: None,
         score,
         success,
         skill,
