@@ -12,6 +12,16 @@ export function evaluationResults(id: string): Evaluation | undefined {
   return results.get(id);
 }
 
+/** Returns an evaluation with its results; loads it unless it is loaded. */
+export async function fetchEvaluation(id: string): Promise<Evaluation> {
+  const known = results.get(id);
+  if (known) return known;
+  const path = { path: { evaluation: id } };
+  const loaded = await unwrap(client.GET("/v1/evaluations/{evaluation}", { params: path }));
+  if (loaded.state === "complete") results.set(id, loaded);
+  return loaded;
+}
+
 /** Loads the results of the evaluations that are complete and not loaded yet. An unreadable evaluation keeps no results. */
 export function loadEvaluationResults(evaluations: Pick<EvaluationSummary, "id" | "state">[]) {
   for (const { id, state } of evaluations)
@@ -23,8 +33,7 @@ async function loadWaiting() {
   isLoading = true;
   for (let id = waiting[0]; id !== undefined; id = waiting[0]) {
     try {
-      const path = { path: { evaluation: id } };
-      results.set(id, await unwrap(client.GET("/v1/evaluations/{evaluation}", { params: path })));
+      await fetchEvaluation(id);
     } catch {
       // The page of the evaluation shows the error.
     }
