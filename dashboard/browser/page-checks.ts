@@ -35,6 +35,7 @@ export async function pagesOfTrainedRun(url: string, run: string): Promise<Recor
     evaluations: { route: "/evaluations", text: "eval-1" },
     evaluation: { route: "/evaluations/eval-1", text: "Results by scenario" },
     compare: { route: "/evaluations/compare?a=eval-1&b=eval-2", text: "Difference in success" },
+    compareRuns: { route: `/compare?runs=${run}`, text: "Values at the end" },
     play: { route: "/play?task=kessler/survival&seed=7&level=4", text: "Holding" },
     docking: { route: "/play?task=docking/multiagent&seed=7", text: "Holding" },
     tasking: { route: "/play?task=tasking/constellation&seed=7", text: "Actions over time" },
