@@ -118,6 +118,13 @@ async fn evaluation_of_one_task_uses_its_part_of_the_suite() {
         .expect(200)["scenarios"]
         .clone();
     assert_eq!(scenarios.as_array().unwrap().len(), 192);
+    // The run has the episodes of its own evaluation; the server's evaluation has none.
+    let first = scenarios[0]["first_episode"].as_str().unwrap();
+    let episode = api.get(&format!("/v1/runs/run/episodes/{first}")).await.expect(200);
+    assert_eq!(episode["scenario_id"], scenarios[0]["scenario_id"]);
+    let server_scenarios =
+        api.get(&format!("/v1/evaluations/{server_evaluation}/scenarios?limit=1")).await.expect(200);
+    assert_eq!(server_scenarios["scenarios"][0]["first_episode"], Value::Null);
 }
 
 async fn compare(api: &ApiClient, a: &str, b: &str) -> Value {
