@@ -9,8 +9,8 @@ use clock::{Millis, rfc3339};
 use commands::plot::{DrawResult, SvgArea};
 
 const SIZE: (u32, u32) = (560, 210);
-const INK: RGBColor = RGBColor(60, 60, 60);
-const PALE: RGBColor = RGBColor(228, 228, 228);
+pub(super) const INK: RGBColor = RGBColor(60, 60, 60);
+pub(super) const PALE: RGBColor = RGBColor(228, 228, 228);
 /// Palette of Okabe & Ito (2008), which is safe for colour-blind readers.
 pub(super) const BLUE: RGBColor = RGBColor(0, 114, 178);
 pub(super) const ORANGE: RGBColor = RGBColor(213, 94, 0);
@@ -28,7 +28,7 @@ pub(super) struct Curve {
 }
 
 /// Closed interval on the value axis.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Interval {
     pub(super) low: f64,
     pub(super) high: f64,

@@ -17,7 +17,7 @@ use super::gather::{EvaluationResult, MAX_LAYOUTS, RunReport, TaskReport};
 use super::rose::rose;
 use super::sampler::sampler_table;
 
-const STYLE: &str = "\
+pub(super) const STYLE: &str = "\
 :root{color-scheme:light;font:15px/1.45 system-ui,'Segoe UI',Roboto,sans-serif;color:#1b2430}\
 body{max-width:76rem;margin:2rem auto;padding:0 1rem}h1{margin:0}h2{margin:2rem 0 .5rem;border-bottom:1px solid #d9dee6}\
 table{border-collapse:collapse;font-variant-numeric:tabular-nums;margin:.5rem 0}th,td{padding:.2rem .7rem;text-align:left;\

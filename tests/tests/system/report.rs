@@ -58,6 +58,63 @@ async fn report_is_one_self_contained_page() {
     assert!(collisions["count"].as_i64().unwrap() > 0);
 }
 
+/// Creates two runs with equal settings, `a` and `b`, and `c` with another strategy; their agents hold.
+async fn create_compared_runs(server: &Server) {
+    let api = server.api();
+    for (seed, (id, strategy)) in [("a", "ladder"), ("b", "ladder"), ("c", "uniform")].into_iter().enumerate()
+    {
+        let settings = json!({"strategy": strategy, "id": id, "name": format!("{HTML_NAME} {id}"), "seed": seed + 1, "tasks": ["kessler/survival"], "design": {"designer": "off"}});
+        let _ = api.post("/v1/runs", settings).await.expect(201);
+        for _ in 0..3 {
+            let lease = api.lease(id, json!({"groups": 8})).await;
+            let _ = api.report(id, lease.results("hold")).await;
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn report_compares_runs() {
+    let server = Server::start().await;
+    create_compared_runs(&server).await;
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (db, html, pdf, figures) =
+        (server.db_path().display().to_string(), path("c.html"), path("c.pdf"), path("figures"));
+    let output = report(&["a", "b", "c", "--db", &db, "--out", &html, "--figures", &figures]);
+    assert!(output.status.success(), "{output:?}");
+    assert!(
+        String::from_utf8_lossy(&output.stdout).contains("comparison of 3 runs in 2 groups"),
+        "{output:?}"
+    );
+    let page = std::fs::read_to_string(&html).unwrap();
+    for text in [
+        "Level of survival",
+        "Success rate of survival",
+        "strategy ladder (2 runs)",
+        "curriculum.strategy",
+        "<svg",
+    ] {
+        assert!(page.contains(text), "{text}");
+    }
+    assert!(!page.contains("<script") && page.contains("&lt;script&gt;"), "names are escaped");
+    let csv = std::fs::read_to_string(format!("{figures}/kessler-survival-success.csv")).unwrap();
+    let head = csv.lines().next().unwrap();
+    assert!(head.starts_with("episodes of the task,strategy ladder (2 runs),"), "{head}");
+    assert_eq!(head.matches("strategy").count(), 4, "a mean with two bounds, and one run: {head}");
+    assert!(csv.lines().count() > 100);
+    let svg = std::fs::read_to_string(format!("{figures}/kessler-survival-level.svg")).unwrap();
+    assert!(svg.starts_with("<svg") && svg.contains("strategy uniform"), "{svg}");
+    // One run has a PDF document, too; the groups and the axis are the user's choice.
+    let one = report(&["a", "--db", &db, "--out", &pdf, "--x", "steps"]);
+    assert!(String::from_utf8_lossy(&one.stdout).contains("comparison of 1 run with"), "{one:?}");
+    let output = report(&["a", "b", "c", "--db", &db, "--out", &pdf, "--x", "hours", "--group-by", "run"]);
+    assert!(String::from_utf8_lossy(&output.stdout).contains("comparison of 3 runs with"), "{output:?}");
+    for file in [pdf, format!("{figures}/kessler-survival-skill.pdf")] {
+        let bytes = std::fs::read(&file).unwrap();
+        assert!(bytes.starts_with(b"%PDF-") && bytes.trim_ascii_end().ends_with(b"%%EOF"), "{file}");
+    }
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn report_explains_invalid_arguments() {
     let server = Server::start().await;
@@ -73,6 +130,8 @@ async fn report_explains_invalid_arguments() {
             "/nowhere/r.html cannot be written: its folder does not exist",
         ),
         (vec!["yuong", "--db", &db, "--out", &out], "did you mean young?"),
+        (vec!["young", "young", "--db", &db, "--out", &out], "run young is named twice"),
+        (vec!["young", "--db", &db, "--out", "report.txt"], "report.txt must end in .html or .pdf"),
     ] {
         let output = report(&args);
         let stderr = String::from_utf8_lossy(&output.stderr);
