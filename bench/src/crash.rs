@@ -19,7 +19,8 @@ pub(crate) fn measure(minutes: u32, world: CrashWorld) -> anyhow::Result<Vec<Row
         until,
         seed,
         min_lifetime_ms: 50,
-        max_lifetime_ms: 20_000,
+        // Critiques of tasking take a third of a second each, and designs need some.
+        max_lifetime_ms: if world == CrashWorld::Tasking { 60_000 } else { 20_000 },
         tls: true,
         faults: cfg!(target_os = "linux"),
         compacts: true,

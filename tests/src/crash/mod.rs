@@ -53,7 +53,8 @@ pub enum CrashWorld {
     Kessler,
     /// All tasks of tasking, with short episodes of one level.
     ShortTasking,
-    /// All tasks of tasking at their own levels, with designed layouts.
+    /// All tasks of tasking at their own levels, with designed layouts. Probes by the reference planner are the evidence, because
+    /// sessions that hold would keep every task at its first level.
     Tasking,
 }
 
@@ -65,6 +66,7 @@ impl CrashWorld {
             Self::Tasking => json!({
                 "tasks": TASKING_TASKS,
                 "design": {"designer": "procedural", "share": 0.3},
+                "evidence_from": "probe",
             }),
             Self::ShortTasking => {
                 let table =
@@ -82,8 +84,7 @@ impl CrashWorld {
         }
     }
 
-    /// Policies of the episodes that trainers claim by columns, and of the server's rollouts. In a curriculum they succeed, so that
-    /// levels are mastered.
+    /// Policies of the episodes that trainers claim by columns, and of the server's rollouts.
     pub(crate) const fn policies(self) -> CrashPolicies {
         match self {
             Self::Tasking => CrashPolicies { columns: "heuristic", rollouts: "heuristic" },
@@ -165,6 +166,9 @@ pub async fn run_crash_test(db: &Path, plan: CrashPlan) -> anyhow::Result<CrashR
     trainers.spawn(trainer(5).step_sessions());
     trainers.spawn(trainer(6).consume_trajectories());
     trainers.spawn(trainer(7).step_vectors());
+    if plan.world == CrashWorld::Tasking {
+        trainers.spawn(trainer(8).report_probes());
+    }
 
     let (mut exits, start, mut last_progress) = (ServerExits::default(), Instant::now(), Instant::now());
     let should_continue = |kills: u32| match plan.until {

@@ -60,15 +60,25 @@ impl Trainer {
         anyhow::bail!("{method} {path}: no response after {MAX_ATTEMPTS} attempts")
     }
 
-    /// Leases groups, runs their episodes in this process and reports each result.
+    /// Leases groups of training, runs their episodes in this process and reports each result.
     pub(super) async fn report_results(self) -> anyhow::Result<()> {
+        self.report_leases(json!({"groups": 3, "ttl_s": 60}), "heuristic").await
+    }
+
+    /// Leases probes and reports the results of the reference planner, which masters levels.
+    pub(super) async fn report_probes(self) -> anyhow::Result<()> {
+        self.report_leases(json!({"groups": 3, "ttl_s": 60, "purpose": "probe"}), "reference").await
+    }
+
+    /// Runs the episodes of one lease after the other with a built-in policy.
+    async fn report_leases(self, request: Value, policy: &str) -> anyhow::Result<()> {
         while self.is_running() {
-            let response = self.request("POST", "/leases", &json!({"groups": 3, "ttl_s": 60})).await?;
+            let response = self.request("POST", "/leases", &request).await?;
             ensure!(response.status == 201, "no lease: {}", response.body);
             let lease = Lease(response.body);
             let episodes = lease.episodes();
             let results: Vec<Value> =
-                episodes.iter().map(|(id, scenario)| episode_result(id, scenario, "heuristic")).collect();
+                episodes.iter().map(|(id, scenario)| episode_result(id, scenario, policy)).collect();
             for batch in results.chunks(2) {
                 self.report("results", batch).await?;
             }
