@@ -77,6 +77,23 @@ def test_curves_with_other_evaluations_are_drawn(tmp_path):
     assert (tmp_path / "curves.svg").stat().st_size > 5_000
 
 
+def test_report_continues_from_the_tables_of_an_earlier_one(tmp_path):
+    earlier = REPOSITORY / "docs/evidence"
+    tables = (statistics.TRAININGS_FILE, statistics.CURVES_FILE)
+    for name in tables:
+        (tmp_path / name).write_text((earlier / name).read_text())
+    first, *others = runner.planned(["docking/single"], ["auto"])
+    write_results(tmp_path, first, budget=4_000_000)
+    assert runner.missing(tmp_path, [first, *others]) == []
+    # A file of results replaces the rows of its training.
+    measured = [each.values[-1] > 0 for each in statistics.read(tmp_path) if each.training in (first, *others)]
+    assert measured == [False] + [True] * len(others)
+    first.file(tmp_path).unlink()
+    report.write(tmp_path)
+    for name in tables:
+        assert (tmp_path / name).read_text() == (earlier / name).read_text()
+
+
 def test_designs_are_compared_with_their_control(tmp_path):
     designs = [outcome(seed, [0.0, value]) for seed, value in ((1, 0.7), (2, 0.5), (8, 0.0))]
     control = [outcome(seed, [0.0, value]) for seed, value in ((2, 0.4), (1, 0.5))]

@@ -14,6 +14,8 @@ from ..report import format_table, save_figure
 from ..results import Interval
 from .protocol import ARMS, BASELINE_ARM, CONTROL_ARM, DESIGNS_ARM, PROBLEMS, Problem
 from .statistics import (
+    CURVES_FILE,
+    TRAININGS_FILE,
     Outcome,
     aimed_failure_difference,
     aimed_mode,
@@ -40,7 +42,7 @@ DESIGN_COLUMNS = ("problem", "pairs", "worst tenth", "mean", "aimed failure", "a
 def write(folder: Path) -> list[Path]:
     """Writes the report of the complete trainings, its figures and its CSV files; returns their paths."""
     outcomes = read(folder)
-    files = [folder / "trainings.csv", folder / "curves.csv"]
+    files = [folder / TRAININGS_FILE, folder / CURVES_FILE]
     _write_trainings(outcomes, files[0])
     _write_curves(outcomes, files[1])
     parts = ["# Evidence\n"]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..experiment import ExperimentError
 from ..processes import open_pool
-from . import held_out, learners, training
+from . import held_out, learners, statistics, training
 from .protocol import PROBLEMS, SEEDS, find_problem
 from .training import Training
 
@@ -34,7 +34,12 @@ def planned(problems: Sequence[str] = (), arms: Sequence[str] = (), seeds: Seque
 
 
 def missing(folder: Path, trainings: Sequence[Training], budget: int | None = None) -> list[Training]:
-    """Returns the trainings without results; `budget` replaces that of the protocol for a trial.
+    """Returns the trainings without results, which are in files or in the tables of a report.
+
+    Args:
+        folder: Folder of the results.
+        trainings: The trainings that are asked for.
+        budget: Budget of a trial, in place of the protocol's.
 
     Raises:
         ExperimentError: The folder has a training of the same problems with another budget, which the command would not replace.
@@ -48,7 +53,8 @@ def missing(folder: Path, trainings: Sequence[Training], budget: int | None = No
                     f"--out must have no training of {name} with another budget than {asked} steps, "
                     f"got {file} with {stored}: choose another folder"
                 )
-    return [each for each in trainings if not each.file(folder).exists()]
+    reported = statistics.reported(folder)
+    return [each for each in trainings if each not in reported and not each.file(folder).exists()]
 
 
 def run(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -16,6 +17,8 @@ from ..results import Interval
 from .protocol import ARMS, PROBLEMS, Problem, find_problem
 from .training import Training, results_folder, stored_budget
 
+#: Names of a report's CSV files: the measures of each training, and its curve.
+TRAININGS_FILE, CURVES_FILE = "trainings.csv", "curves.csv"
 #: Resamples of a bootstrap.
 RESAMPLES = 10_000
 
@@ -61,18 +64,50 @@ class Outcome:
 def read(folder: Path) -> list[Outcome]:
     """Reads the complete trainings, in the order of the protocol.
 
+    A training without a file of results, but with rows in the CSV files of an earlier report, is read from these. The failures of
+    its episodes are unknown.
+
     Raises:
         ExperimentError: There are none, or those of a problem have several budgets, so that they cannot be compared.
     """
-    files = sorted((folder / "trainings").glob("*/*.json"))
-    if not files:
+    outcomes = [_outcome(json.loads(file.read_text())) for file in sorted((folder / "trainings").glob("*/*.json"))]
+    have_files = {outcome.training for outcome in outcomes}
+    outcomes += [outcome for outcome in _read_csv(folder) if outcome.training not in have_files]
+    if not outcomes:
         raise ExperimentError(f"--out must have a complete training, got {folder}; run it without --report first")
-    outcomes = [_outcome(json.loads(file.read_text())) for file in files]
     _check_budgets(folder, outcomes)
     problems, arms = [problem.name for problem in PROBLEMS], [arm.name for arm in ARMS]
     return sorted(
         outcomes, key=lambda each: (problems.index(each.problem.name), arms.index(each.training.arm), each.training.seed)
     )
+
+
+def reported(folder: Path) -> set[Training]:
+    """Returns the trainings in the CSV files of an earlier report, which need not run again."""
+    return {outcome.training for outcome in _read_csv(folder)}
+
+
+def _read_csv(folder: Path) -> list[Outcome]:
+    """Reads the trainings of an earlier report from its CSV files."""
+    files = [folder / TRAININGS_FILE, folder / CURVES_FILE]
+    if not all(file.exists() for file in files):
+        return []
+    trainings, curves = (list(csv.DictReader(file.read_text().splitlines())) for file in files)
+    points: dict[Training, list[tuple[float, float]]] = {}
+    for row in curves:
+        points.setdefault(_training_of(row), []).append((float(row["steps"]), float(row["value"])))
+    outcomes = []
+    for row in trainings:
+        training = _training_of(row)
+        steps, values = np.array(points[training], np.float64).T
+        final = {measure: float(row[measure]) for measure in ("success", "skill", "worst_tenth")}
+        zero_variance = float(row["zero_variance"]) if row["zero_variance"] else None
+        outcomes.append(Outcome(training, find_problem(training.problem), steps, values, final, zero_variance))
+    return outcomes
+
+
+def _training_of(row: dict[str, str]) -> Training:
+    return Training(row["problem"], row["arm"], int(row["seed"]))
 
 
 def _check_budgets(folder: Path, outcomes: Sequence[Outcome]) -> None:
