@@ -62,12 +62,12 @@ impl Trainer {
 
     /// Leases groups of training, runs their episodes in this process and reports each result.
     pub(super) async fn report_results(self) -> anyhow::Result<()> {
-        self.report_leases(json!({"groups": 3, "ttl_s": 60}), "heuristic").await
+        self.report_leases(json!({"groups": 3, "ttl_s": 600}), "heuristic").await
     }
 
     /// Leases probes and reports the results of the reference planner, which masters levels.
     pub(super) async fn report_probes(self) -> anyhow::Result<()> {
-        self.report_leases(json!({"groups": 3, "ttl_s": 60, "purpose": "probe"}), "reference").await
+        self.report_leases(json!({"groups": 3, "ttl_s": 600, "purpose": "probe"}), "reference").await
     }
 
     /// Runs the episodes of one lease after the other with a built-in policy.
