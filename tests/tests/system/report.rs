@@ -103,7 +103,7 @@ async fn report_compares_runs() {
     assert_eq!(head.matches("strategy").count(), 4, "a mean with two bounds, and one run: {head}");
     assert!(csv.lines().count() > 100);
     let svg = std::fs::read_to_string(format!("{figures}/kessler-survival-level.svg")).unwrap();
-    assert!(svg.starts_with("<svg") && svg.contains("strategy uniform"), "{svg}");
+    assert!(svg.starts_with("<svg") && svg.contains("strategy ladder (2 runs)"), "{svg}");
     // One run has a PDF document, too; the groups and the axis are the user's choice.
     let one = report(&["a", "--db", &db, "--out", &pdf, "--x", "steps"]);
     assert!(String::from_utf8_lossy(&one.stdout).contains("comparison of 1 run with"), "{one:?}");

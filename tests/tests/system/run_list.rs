@@ -108,7 +108,7 @@ fn assert_sorted(runs: &[Value], sort: &str, descending: bool) {
         let order =
             number_a.total_cmp(&number_b).then(text_a.cmp(&text_b)).then(id(&pair[0]).cmp(&id(&pair[1])));
         let order = if descending { order.reverse() } else { order };
-        let is_sorted = none_a < none_b || (none_a == none_b && order.is_lt());
+        let is_sorted = (!none_a && none_b) || (none_a == none_b && order.is_lt());
         assert!(is_sorted, "{sort} {descending}: {} before {}", pair[0], pair[1]);
     }
 }
