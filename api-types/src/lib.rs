@@ -8,6 +8,7 @@
 //! Conversions from database rows, validation and error responses are not here: the `orchestrator` crate has them. Start
 //! reading at [`RunSummary`] and [`Lease`].
 
+mod alerts;
 mod audit_log;
 mod columns;
 mod critiques;
@@ -34,14 +35,17 @@ mod runs;
 mod sampler;
 mod scenarios;
 mod series;
+mod server_health;
 mod server_version;
 mod strategies;
 mod suites;
 mod tasks;
 mod trainer_metrics;
+mod trainers;
 mod trajectories;
 mod versions;
 
+pub use self::alerts::*;
 pub use self::audit_log::*;
 pub use self::columns::*;
 pub use self::critiques::*;
@@ -67,11 +71,13 @@ pub use self::runs::*;
 pub use self::sampler::*;
 pub use self::scenarios::*;
 pub use self::series::*;
+pub use self::server_health::*;
 pub use self::server_version::*;
 pub use self::strategies::*;
 pub use self::suites::*;
 pub use self::tasks::*;
 pub use self::trainer_metrics::*;
+pub use self::trainers::*;
 pub use self::trajectories::*;
 pub use self::versions::*;
 

@@ -8,6 +8,7 @@
 //! Results go to stdout; logs, progress and error messages go to stderr. Exit codes: 0 success, 1 a failed check, 2 bad input
 //! or another error.
 
+pub mod alert_args;
 pub mod bind_args;
 pub mod completions;
 pub mod config;

@@ -53,6 +53,8 @@ export const PAGES_OF_EMPTY_RUN: Record<string, PageCase> = {
   episodes: { route: "/runs/new/episodes", text: "No episodes yet" },
   designs: { route: "/runs/new/designs", text: "No designs yet" },
   evaluations: { route: "/evaluations", text: "No evaluations yet" },
+  alerts: { route: "/alerts", text: "There are no alerts" },
+  server: { route: "/server", text: "Commit takes" },
 };
 
 /** Creates the run of `PAGES_OF_EMPTY_RUN`. */

@@ -15,6 +15,8 @@ export const routes = {
   "/evaluations": wrap({ asyncComponent: () => import("./pages/Evaluations.svelte") }),
   "/evaluations/compare": wrap({ asyncComponent: () => import("./pages/Compare.svelte") }),
   "/evaluations/:evaluation": wrap({ asyncComponent: () => import("./pages/Evaluation.svelte") }),
+  "/server": wrap({ asyncComponent: () => import("./pages/Server.svelte") }),
+  "/alerts": wrap({ asyncComponent: () => import("./pages/Alerts.svelte") }),
   "/play": wrap({ asyncComponent: () => import("./pages/Play.svelte") }),
   "*": NotFound,
 };

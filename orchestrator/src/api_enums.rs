@@ -7,8 +7,8 @@ use api_types as api;
 use crate::queries::run_series;
 
 use store::{
-    columns, curriculum, design_requests, episodes, evaluations, events, groups, layouts, leases, run_filter,
-    run_list, run_warnings, runs,
+    alerts, columns, curriculum, design_requests, episodes, evaluations, events, groups, layouts, leases,
+    run_filter, run_list, run_warnings, runs,
 };
 
 /// Conversion between an enum of the store and the enum of the API that has the same variants.
@@ -32,6 +32,7 @@ macro_rules! convert_enum {
     };
 }
 
+convert_enum!(alerts::AlertRule => api::AlertRule { NoResults, MissingShare, LowDisk, LevelDown, EvaluationWorse });
 convert_enum!(columns::ClaimState => api::ClaimState { Claimed, Accepted, Refused, Unproven });
 convert_enum!(curriculum::LevelMoveKind => api::LevelMoveKind { Placement, Up, Down });
 convert_enum!(design_requests::DesignerKind => api::DesignerKind { Llm, Procedural });

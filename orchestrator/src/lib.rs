@@ -3,7 +3,8 @@
 //! [`service::Service`] starts everything. From the outside to the inside:
 //!
 //! - [`http`] parses requests, [`queries`] are its read models.
-//! - Use cases: [`runs`], [`leases`], [`results`], [`critiques`], [`designs`], [`rollouts`], [`evaluations`], [`retention`].
+//! - Use cases: [`runs`], [`leases`], [`results`], [`critiques`], [`designs`], [`rollouts`], [`evaluations`], [`retention`],
+//!   [`alerts`].
 //! - [`engine`] is the only writer of the database and holds the state of runs; the crate `store` has all SQL.
 //! - [`workers`] run in the background.
 //! - [`ownership`] decides which client may use a lease or a run, [`limits`] bound what clients may use.
@@ -12,9 +13,11 @@
 //! The curriculum's decisions are in the crate `curriculum`, the worlds in `env-core`, suites and
 //! statistics in `evaluation`, chat policy and judges in `llm-policy`, and the command line in `cli`.
 
+pub mod alerts;
 mod api_enums;
 pub mod critiques;
 pub mod designs;
+pub mod disk_space;
 pub mod engine;
 pub mod evaluations;
 pub mod http;
@@ -31,4 +34,5 @@ pub mod service;
 pub mod sessions;
 pub mod threads;
 pub mod tokens;
+pub mod trainer_activity;
 pub mod workers;

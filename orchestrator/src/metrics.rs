@@ -8,6 +8,7 @@ use axum::http::{Method, StatusCode};
 use curriculum::Mastery;
 use metrics::{Unit, counter, describe_counter, describe_gauge, describe_histogram, gauge, histogram};
 use serde::Serialize;
+use store::alerts::AlertRule;
 
 /// Event in the life of a lease: the `state` of its events, and the label of `sparring_leases_total`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -94,6 +95,11 @@ pub fn register() {
         "Share of the outcomes behind the mastery that are missing, by run and task."
     );
     describe_gauge!("sparring_workers", "Busy workers, by job.");
+    describe_gauge!("sparring_alerts", "Alerts that last, by rule.");
+    describe_counter!(
+        "sparring_alert_messages_total",
+        "Attempts to tell the webhook of an alert, by outcome: sent, failed."
+    );
     describe_gauge!("sparring_build_info", "Always 1; the label is the version of the server.");
     gauge!("sparring_build_info", "version" => env!("CARGO_PKG_VERSION")).set(1.0);
     register_zeros();
@@ -107,11 +113,29 @@ fn register_zeros() {
     for status in ReceiptStatus::ALL.iter().copied() {
         counter!("sparring_results_total", "status" => status.as_str(), "code" => "").absolute(0);
     }
+    for outcome in ["sent", "failed"] {
+        counter!("sparring_alert_messages_total", "outcome" => outcome).absolute(0);
+    }
     counter!("sparring_mismatches_total").absolute(0);
     counter!("sparring_rollout_groups_total").absolute(0);
     counter!("sparring_compacted_episodes_total").absolute(0);
     counter!("sparring_commit_failures_total").absolute(0);
     gauge!("sparring_connections").increment(0.0);
+}
+
+/// Sets the numbers of alerts that last to those of these rules.
+pub fn set_alerts(lasting: impl Iterator<Item = AlertRule>) {
+    let rules: Vec<AlertRule> = lasting.collect();
+    for rule in AlertRule::ALL {
+        let count = rules.iter().filter(|other| *other == rule).count();
+        gauge!("sparring_alerts", "rule" => rule.as_str()).set(count as f64);
+    }
+}
+
+/// Counts an attempt to tell the webhook of an alert.
+pub fn record_alert_message(is_sent: bool) {
+    let outcome = if is_sent { "sent" } else { "failed" };
+    counter!("sparring_alert_messages_total", "outcome" => outcome).increment(1);
 }
 
 /// Counts an HTTP request that was answered.

@@ -7,6 +7,8 @@
 //! Start reading at [`runs`], [`leases`], [`groups`] and [`episodes`]. [`open`](mod@open) opens a database, [`gc`] deletes what is
 //! not needed any more, and the test `query_plans` keeps statements from reading whole tables.
 
+pub mod alert_conditions;
+pub mod alerts;
 pub mod audit_log;
 pub mod audit_samples;
 mod backup;

@@ -130,6 +130,7 @@ impl Deletion {
 const DELETIONS: &[Deletion] = &[
     Deletion::new(of_run!("trajectory_groups", "id")).weight(64),
     Deletion::new(of_run!("run_warnings", "id")),
+    Deletion::new(of_run!("alerts", "id")),
     Deletion::new(of_first!("failure_cells", "failure_examples", "cell", "cell, slot")),
     Deletion::new(first!("failure_cells")).has_children(),
     Deletion::new(of_run!("failure_inertial_sectors", "run, task, mode, sector")),

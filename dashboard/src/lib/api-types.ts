@@ -3,6 +3,9 @@ import type { components } from "./schema";
 
 type Schema = components["schemas"];
 
+export type Alert = Schema["Alert"];
+export type ServerHealth = Schema["ServerHealth"];
+export type TrainerList = Schema["TrainerList"];
 export type AcrossSeeds = Schema["AcrossSeeds"];
 export type Comparison = Schema["Comparison"];
 export type ComparisonEstimates = Schema["ComparisonEstimates"];

@@ -1,5 +1,5 @@
 import { describe, expect, test } from "vitest";
-import { ago, count, fixed, formatDuration, percent, shortTask, significant } from "./format";
+import { ago, bytes, count, fixed, formatDuration, percent, shortTask, significant } from "./format";
 
 describe("formatted numbers", () => {
   test("counts", () => {
@@ -50,4 +50,14 @@ describe("formatted numbers", () => {
   test("task names omit the world", () => {
     expect(shortTask("kessler/eco_station")).toBe("eco station");
   });
+});
+
+test("bytes have a unit in powers of 1024", () => {
+  expect([0, 1023, 1536, 5 * 1024 ** 3, null].map((n) => bytes(n))).toEqual([
+    "0 B",
+    "1023 B",
+    "1.5 KiB",
+    "5.0 GiB",
+    "–",
+  ]);
 });

@@ -43,6 +43,15 @@ export function percent(n: number | null | undefined): string {
     : `${(100 * n).toFixed(n > 0 && n < 0.1 ? 1 : 0)} %`;
 }
 
+const BYTE_UNITS = ["B", "KiB", "MiB", "GiB", "TiB"];
+
+/** Formats a number of bytes: 1536 as "1.5 KiB". */
+export function bytes(n: number | null | undefined): string {
+  if (n === null || n === undefined || !Number.isFinite(n)) return "–";
+  const power = Math.min(n < 1 ? 0 : Math.floor(Math.log2(n) / 10), BYTE_UNITS.length - 1);
+  return `${fixed(n / 1024 ** power, power === 0 ? 0 : 1)} ${BYTE_UNITS[power] ?? ""}`;
+}
+
 /** Formats a date and time. */
 export function time(at: string | number | null | undefined): string {
   return at === null || at === undefined ? "–" : moment.format(new Date(at));

@@ -6,6 +6,7 @@
 
 pub mod access_log;
 pub mod change;
+pub mod commit_log;
 pub mod error;
 pub mod event;
 pub mod outbox;

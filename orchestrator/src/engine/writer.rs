@@ -22,8 +22,10 @@ use tokio::runtime::Handle;
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 
+pub use self::inbox::QUEUE_CAPACITY;
 use self::inbox::{Inbox, Queues, Work};
 use self::job::{ChangeJob, Delivery, Job, JobOutcome, QueryJob, WaitingQuery};
+use crate::engine::commit_log::CommitLog;
 use crate::engine::change::{Change, StateQuery};
 use crate::engine::error::ServiceError;
 use crate::engine::signals::WorkerSignals;
@@ -47,6 +49,7 @@ const PROBE_INTERVAL: Duration = Duration::from_millis(500);
 pub struct Writer {
     queues: Queues,
     health: StorageHealth,
+    commits: CommitLog,
 }
 
 /// Numbers of jobs that wait for the writer.
@@ -70,12 +73,21 @@ impl Writer {
         let (queues, inbox) = inbox::create();
         let health = StorageHealth::new(file_lock.as_ref().map(|lock| lock.path().to_owned()));
         let tx = WriteTx::new(conn, clock.now(), file_lock);
-        let serving = WriterLoop { tx, inbox, clock, signals, health: health.clone(), probed_at: None };
+        let commits = CommitLog::default();
+        let serving = WriterLoop {
+            tx,
+            inbox,
+            clock,
+            signals,
+            health: health.clone(),
+            commits: commits.clone(),
+            probed_at: None,
+        };
         // The writer has a thread of its own: it alternates with SQLite's thread many times for each change, and must not wait in
         // between for a thread that reads a request body.
         let runtime = Handle::current();
         let task = tokio::task::spawn_blocking(move || runtime.block_on(serving.serve()));
-        (Self { queues, health }, task)
+        (Self { queues, health, commits }, task)
     }
 
     /// Returns how many jobs wait.
@@ -89,6 +101,12 @@ impl Writer {
     #[must_use]
     pub const fn health(&self) -> &StorageHealth {
         &self.health
+    }
+
+    /// The latest commits.
+    #[must_use]
+    pub const fn commits(&self) -> &CommitLog {
+        &self.commits
     }
 
     /// Makes a change and returns its answer after the commit.
@@ -132,6 +150,7 @@ struct WriterLoop {
     clock: Clock,
     signals: WorkerSignals,
     health: StorageHealth,
+    commits: CommitLog,
     /// When the last write probe of an outage ended.
     probed_at: Option<Instant>,
 }
@@ -202,7 +221,7 @@ impl WriterLoop {
         }
         let started_at = Instant::now();
         if let Err(error) = self.begin().await {
-            metrics::record_commit(1, started_at.elapsed(), false);
+            self.record_commit(1, started_at, false);
             self.report(&error, "A batch of changes could not begin.");
             drop(transactions::roll_back_batch(&mut self.tx.conn).await);
             self.refuse_all(first, &error);
@@ -210,7 +229,7 @@ impl WriterLoop {
         }
         let mut deliveries = Vec::new();
         let committed = self.commit_batch(first, &mut deliveries).await;
-        metrics::record_commit(deliveries.len(), started_at.elapsed(), committed.is_ok());
+        self.record_commit(deliveries.len(), started_at, committed.is_ok());
         if let Err(error) = &committed {
             self.report(error, "A batch of changes could not be committed and was undone.");
             drop(transactions::roll_back_batch(&mut self.tx.conn).await);
@@ -223,6 +242,13 @@ impl WriterLoop {
         }
         self.tx.outbox.send_signals(&self.signals);
         committed.is_ok()
+    }
+
+    /// Records a commit in the metrics and in the log of the latest ones.
+    fn record_commit(&self, changes: usize, started_at: Instant, succeeded: bool) {
+        let duration = started_at.elapsed();
+        metrics::record_commit(changes, duration, succeeded);
+        self.commits.record(changes, duration, succeeded);
     }
 
     /// Answers the first job, and all jobs that wait, with an error.

@@ -33,6 +33,7 @@ mod run_reader;
 mod socket;
 pub mod state;
 mod tls;
+mod trainer_requests;
 mod v1;
 
 use std::sync::Arc;
@@ -88,6 +89,7 @@ use crate::tokens::redact;
         (name = "evaluations", description = "Evaluations of policies on frozen suites, and their comparison."),
         (name = "sessions", description = "Environments on the server, stepped over a WebSocket: one by text messages, many by binary frames."),
         (name = "openenv", description = "Routes of OpenEnv for openenv-core's clients, at the root; sessions over WebSockets at /ws and /mcp."),
+        (name = "alerts", description = "What an operator should know of the server and its runs."),
         (name = "access", description = "Audit log: changes by API requests, and denied requests."),
         (name = "health", description = "Liveness, readiness and metrics of the server."),
     )
@@ -134,13 +136,14 @@ pub fn router(app: AppState, access_control: Arc<AccessControl>, surface: ApiSur
             .for_each(|tags| tags.retain(|tag| visible_tags.contains(&tag.name.as_str())));
     }
     let routes = if surface == ApiSurface::Whole { routes.merge(dashboard::routes()) } else { routes };
-    let clock = app.clock.clone();
+    let (clock, trainers) = (app.clock.clone(), Arc::clone(&app.trainers));
     let routes = routes
         .merge(SwaggerUi::new("/docs").url("/openapi.json", document))
         .fallback(no_such_route)
         .method_not_allowed_fallback(no_such_method)
         .layer(axum::middleware::from_fn(content_encoding::decompress))
         .layer(CatchPanicLayer::custom(panicked))
+        .layer(axum::middleware::from_fn_with_state(trainers, trainer_requests::record))
         .layer(axum::middleware::from_fn_with_state(access_control, access::middleware::authorize))
         .layer(axum::middleware::from_fn_with_state(app.writer.clone(), report_outage))
         .layer(axum::middleware::from_fn(limit_request))

@@ -1,7 +1,9 @@
 //! [`AppState`]: everything that request handlers share.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::time::Instant;
 
 use policy_files::PolicyFolder;
 use sqlx::SqlitePool;
@@ -15,6 +17,7 @@ use crate::leases::lease_service::LeaseService;
 use crate::limits::{BodyLimit, ClientLimits, ConcurrencyLimits, LongPollLimit, Quota, RateLimit};
 use crate::rollouts::Endpoint;
 use crate::sessions::SessionManager;
+use crate::trainer_activity::TrainerActivity;
 use clock::Clock;
 use llm_policy::judging::Judges;
 
@@ -31,6 +34,8 @@ pub struct AppState {
     pub client_limits: ClientLimits,
     /// Service that grants leases and accepts results.
     pub lease_service: LeaseService,
+    /// Activity of trainers in the last minutes.
+    pub trainers: Arc<TrainerActivity>,
     /// Manager of the environments that run on the server.
     pub sessions: Arc<SessionManager>,
     /// True if OpenEnv's routes need no token.
@@ -61,6 +66,10 @@ pub struct AppState {
     pub long_polls: LongPollLimit,
     /// Check whether the database accepts writes.
     pub readiness: ReadinessProbe,
+    /// When the server started.
+    pub started: Instant,
+    /// Folder of the database.
+    pub folder: PathBuf,
     /// True once the server is stopping.
     pub stopping: Arc<AtomicBool>,
 }

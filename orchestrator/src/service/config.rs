@@ -7,6 +7,7 @@ use std::sync::Arc;
 use policy_files::PolicyFolder;
 use store::{OpenError, StoreError};
 
+use crate::alerts::AlertSettings;
 use crate::designs::{BuiltInDesigners, Designers};
 use crate::http::{TlsError, TlsFiles};
 use crate::limits::ClientLimits;
@@ -44,6 +45,8 @@ pub struct Config {
     pub client_limits: ClientLimits,
     /// How long archived runs are kept; `None` keeps them for ever.
     pub archived_retention: Option<ArchivedRetention>,
+    /// Rules of alerts, and their webhook.
+    pub alerts: AlertSettings,
     /// Token of the process that starts the service for itself; `None` for a server. With it, no worker runs, the state of the
     /// last server is not recovered, and only requests with this token are admitted, as an admin's.
     pub process_token: Option<Token>,
@@ -66,6 +69,7 @@ impl Config {
             openenv_public: false,
             client_limits: ClientLimits::default(),
             archived_retention: None,
+            alerts: AlertSettings::default(),
             process_token: None,
         }
     }

@@ -7,9 +7,10 @@ mod config;
 mod startup;
 
 use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use sqlx::SqlitePool;
 use store::{DatabaseLock, open_maintenance, open_readers};
@@ -212,6 +213,9 @@ fn create_state(
         clock: config.clock,
         client_limits: config.client_limits,
         lease_service,
+        trainers: Arc::default(),
+        started: Instant::now(),
+        folder: folder_of(&config.db),
         sessions: Arc::clone(sessions),
         openenv_public: config.openenv_public,
         episode_boards: Arc::default(),
@@ -266,6 +270,16 @@ fn spawn_workers(
         endpoint: config.endpoint.clone(),
         policy_folder: config.policy_folder.clone(),
         archived_retention: config.archived_retention,
+        alerts: config.alerts.clone(),
+        folder: folder_of(&config.db),
     };
     workers.spawn().map_err(StartError::Threads)
+}
+
+/// Returns the folder of a file.
+fn folder_of(file: &Path) -> PathBuf {
+    match file.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
+        _ => PathBuf::from("."),
+    }
 }

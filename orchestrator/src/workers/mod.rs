@@ -3,6 +3,7 @@
 //! A worker reads what is due, computes it, and stores the result by a change of the one writer. Every job is idempotent: repeated
 //! work has no effect, so an aborted job is repeated after the next start. [`WorkerConfig::spawn`] starts the workers.
 
+mod alert;
 pub mod checkpoint;
 mod clock;
 mod critique;

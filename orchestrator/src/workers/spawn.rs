@@ -1,5 +1,6 @@
 //! Starts all workers of a service.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use clock::Clock;
@@ -10,6 +11,7 @@ use rayon::{ThreadPool, ThreadPoolBuildError};
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 
+use super::alert::AlertWorker;
 use super::critique::CritiqueWorker;
 use super::delete_archived::ArchivedRunWorker;
 use super::design::DesignWorker;
@@ -17,6 +19,7 @@ use super::evaluate::EvaluationWorker;
 use super::prepare::{self, PrepareWorker};
 use super::rollout::RolloutWorker;
 use super::{clock as clock_worker, delete_runs, expire, retention, revoke_connections};
+use crate::alerts::AlertSettings;
 use crate::designs::Designers;
 use crate::engine::signals::WorkerSignals;
 use crate::leases::lease_service::LeaseService;
@@ -46,6 +49,10 @@ pub struct WorkerConfig {
     pub policy_folder: PolicyFolder,
     /// How long archived runs are kept; `None` keeps them for ever.
     pub archived_retention: Option<ArchivedRetention>,
+    /// Rules of alerts, and their webhook.
+    pub alerts: AlertSettings,
+    /// Folder of the database, whose free space is watched.
+    pub folder: PathBuf,
 }
 
 impl WorkerConfig {
@@ -65,6 +72,7 @@ impl WorkerConfig {
     fn jobs(self) -> Result<Vec<BoxFuture<'static, ()>>, ThreadPoolBuildError> {
         let (rollouts, evaluator) = self.policy_workers()?;
         let Self { clock, lease_service, signals, ready, sessions, designers, archived_retention, .. } = self;
+        let (settings, folder) = (self.alerts, self.folder);
         let LeaseService { writer, readers, .. } = &lease_service;
         let preparer = PrepareWorker {
             readers: readers.clone(),
@@ -86,6 +94,13 @@ impl WorkerConfig {
             wake: signals.design,
             designers,
         };
+        let alerts = AlertWorker {
+            readers: readers.clone(),
+            writer: writer.clone(),
+            clock: clock.clone(),
+            settings,
+            folder,
+        };
         let archived = archived_retention.map(|retention| ArchivedRunWorker {
             readers: readers.clone(),
             writer: writer.clone(),
@@ -104,6 +119,7 @@ impl WorkerConfig {
             critic.run().boxed(),
             designer.run().boxed(),
             rollouts.run().boxed(),
+            alerts.run().boxed(),
         ];
         jobs.extend(archived.map(|worker| worker.run().boxed()));
         Ok(jobs)

@@ -121,7 +121,7 @@ pub async fn curve(
 /// Reads the tasks that have a history, as a JSON list.
 ///
 /// There are few tasks and many buckets: the statement steps from one task to the next instead of reading all buckets.
-pub(super) async fn tasks(conn: &mut SqliteConnection, run: &str) -> Result<String, StoreError> {
+pub(crate) async fn tasks(conn: &mut SqliteConnection, run: &str) -> Result<String, StoreError> {
     let row = query!(
         r#"WITH RECURSIVE known (task) AS (
                SELECT min(task) FROM task_history WHERE run = ?1

@@ -6,6 +6,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by a panic")]
 
 mod access;
+mod alerts;
 mod api_conformance;
 mod api_page;
 mod bad_input;
@@ -47,6 +48,7 @@ mod serve_command;
 mod stepping;
 mod tasking;
 mod trainer_metrics;
+mod trainers;
 mod training_loop;
 mod trajectories;
 mod views;

@@ -5,7 +5,7 @@ use tokio::sync::mpsc;
 use super::job::{Job, WaitingQuery};
 
 /// Capacity of each queue of waiting work.
-const QUEUE_CAPACITY: usize = 1024;
+pub const QUEUE_CAPACITY: usize = 1024;
 
 pub(super) type JobSender = mpsc::Sender<Box<dyn Job>>;
 pub(super) type QuerySender = mpsc::Sender<Box<dyn WaitingQuery>>;

@@ -17,6 +17,7 @@ use crate::http::number_column::{NumberColumn, optional_u32, parse_columns};
 use crate::http::path_ids::{parse_id, parse_run_id};
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
+use crate::trainer_activity::TrainerWork;
 use crate::leases::find::find_own_lease;
 use crate::results::columns::claim as column_claims;
 use crate::results::columns::status::{self, ClaimStatus};
@@ -106,13 +107,19 @@ pub(super) async fn claim_columns(
     Extension(caller): Extension<Caller>,
     Path((run, lease)): Path<(String, String)>,
     request: Request,
-) -> Result<axum::Json<ColumnClaim>, Problem> {
+) -> Result<(Extension<TrainerWork>, axum::Json<ColumnClaim>), Problem> {
     let (run, lease) = (parse_run_id(&run)?, parse_id("lease", &lease)?);
     let LargeBody { body, permit: _permit } = receive_large_body(&app.body_limit, request).await?;
     let (policy_version, columns) = run_blocking(move || read_columns(body)).await?;
     let actor = caller.actor();
     let status = column_claims::claim(&app.lease_service, run, lease, actor, policy_version, columns).await?;
-    Ok(axum::Json(claim_from_status(status)))
+    let claim = claim_from_status(status);
+    let work = TrainerWork {
+        episodes: u64::try_from(claim.episodes).unwrap_or(0),
+        policy_version: Some(claim.policy_version),
+        ..TrainerWork::default()
+    };
+    Ok((Extension(work), axum::Json(claim)))
 }
 
 /// Reads the columns of a body and the policy version that it names.

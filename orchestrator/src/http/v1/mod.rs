@@ -3,6 +3,7 @@
 //! A handler parses the request, calls one use case or one read model, and maps the result to a type of the `api-types` crate. The
 //! name of a handler is its `operationId`. Rules and SQL are not here. Start reading at `routes`.
 
+mod alerts;
 mod archive_runs;
 mod audit_log;
 pub(super) mod columns;
@@ -36,12 +37,14 @@ mod runs;
 mod sampler;
 mod scenarios;
 mod series;
+mod server_health;
 pub(super) mod sessions;
 mod strategies;
 mod suites;
 mod tasks;
 pub(super) mod time_window;
 mod trainer_metrics;
+mod trainers;
 mod trajectories;
 
 use axum::Extension;
@@ -108,6 +111,8 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(evaluations::scenarios::list_evaluation_scenarios))
         .routes(routes!(suites::list_suites))
         .routes(routes!(archive_runs::archive_many_runs))
+        .routes(routes!(alerts::list_alerts))
+        .routes(routes!(server_health::get_server_health))
         .routes(routes!(audit_log::list_audit_log))
 }
 
@@ -120,6 +125,7 @@ fn progress_routes() -> OpenApiRouter<AppState> {
         .routes(routes!(series::get_series))
         .routes(routes!(sampler::get_sampler))
         .routes(routes!(trainer_metrics::get_trainer_metrics, trainer_metrics::log_trainer_metrics))
+        .routes(routes!(trainers::list_trainers))
         .routes(routes!(overview::get_overview))
 }
 

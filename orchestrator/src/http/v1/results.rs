@@ -26,6 +26,7 @@ use crate::results::refusal::Refusal;
 use crate::results::report::ReportReceipts;
 use crate::results::report_summary::ReportSummary;
 use crate::results::reported::{ReportedEpisode, ReportedOutcome};
+use crate::trainer_activity::TrainerWork;
 
 /// Largest number of results in a batch.
 const MAX_RESULTS: usize = 5000;
@@ -52,14 +53,19 @@ pub(super) async fn report_results(
     Extension(caller): Extension<Caller>,
     Path(run): Path<String>,
     request: Request,
-) -> Result<axum::Json<ResultsResponse>, Problem> {
+) -> Result<(Extension<TrainerWork>, axum::Json<ResultsResponse>), Problem> {
     let run = parse_run_id(&run)?;
     let LargeBody { body, permit: _permit } = receive_large_body(&app.body_limit, request).await?;
     let (policy_version, episodes) = run_blocking(move || read_report(body)).await?;
     let report = app.lease_service.submit_results(run, caller.actor(), policy_version, episodes).await?;
     let ReportReceipts { receipts, summary } = report;
     let ReportSummary { moves, groups, refills } = summary;
-    Ok(axum::Json(ResultsResponse { results: receipts, moves, groups, refills }))
+    let work = TrainerWork {
+        episodes: receipts.len() as u64,
+        policy_version: policy_version.map(i64::from),
+        ..TrainerWork::default()
+    };
+    Ok((Extension(work), axum::Json(ResultsResponse { results: receipts, moves, groups, refills })))
 }
 
 /// Reads the episodes of a body and the policy version that it names.

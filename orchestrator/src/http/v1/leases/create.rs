@@ -14,6 +14,7 @@ use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::leases::create::{CreateLease, GrantedLease};
+use crate::trainer_activity::TrainerWork;
 
 /// Create a lease of groups of scenarios.
 ///
@@ -35,7 +36,7 @@ pub(in crate::http::v1) async fn create_lease(
     Extension(caller): Extension<Caller>,
     Path(run): Path<String>,
     Json(request): Json<LeaseRequest>,
-) -> Result<(StatusCode, axum::Json<Lease>), Problem> {
+) -> Result<(StatusCode, Extension<TrainerWork>, axum::Json<Lease>), Problem> {
     let LeaseRequest {
         groups,
         group_size,
@@ -71,5 +72,6 @@ pub(in crate::http::v1) async fn create_lease(
         Some(scenarios) => lease_from_cache(row, groups, &scenarios)?,
         None => load_lease(&mut *app.readers.acquire().await?, row, groups).await?,
     };
-    Ok((StatusCode::CREATED, axum::Json(lease)))
+    let work = TrainerWork { leases: 1, policy_version: Some(policy_version.into()), ..TrainerWork::default() };
+    Ok((StatusCode::CREATED, Extension(work), axum::Json(lease)))
 }
