@@ -44,6 +44,7 @@ mod trainer_metrics;
 mod trainers;
 mod trajectories;
 mod versions;
+mod workers;
 
 pub use self::alerts::*;
 pub use self::audit_log::*;
@@ -80,6 +81,7 @@ pub use self::trainer_metrics::*;
 pub use self::trainers::*;
 pub use self::trajectories::*;
 pub use self::versions::*;
+pub use self::workers::*;
 
 #[cfg(test)]
 mod tests {

@@ -21,6 +21,7 @@ pub mod man;
 mod mcp;
 mod own_service;
 pub mod policy;
+pub mod remote_workers_args;
 pub mod report;
 pub mod serve;
 #[cfg(test)]
@@ -38,6 +39,7 @@ use commands::logs::LogArgs;
 use commands::output::{OutputTarget, error_text};
 use commands::{
     agreement, bench, critique, design, eval, interrupt, play, replay, runs, simulate, status, suite, tail,
+    worker, workers,
 };
 
 use self::config::ConfigFile;
@@ -76,6 +78,8 @@ its end); 2 bad input or another error, with one sentence on stderr; 130 Ctrl-C.
 #[derive(Debug, Subcommand)]
 enum Command {
     Serve(serve::Args),
+    Worker(worker::Args),
+    Workers(workers::Args),
     Demo(demo::Args),
     Runs(runs::Args),
     Status(status::Args),
@@ -112,7 +116,12 @@ impl Command {
     /// `mcp`.
     const fn default_log_level(&self) -> &'static str {
         match self {
-            Self::Demo(_) | Self::Mcp(_) | Self::Runs(_) | Self::Status(_) | Self::Tail(_) => "warn",
+            Self::Demo(_)
+            | Self::Mcp(_)
+            | Self::Runs(_)
+            | Self::Status(_)
+            | Self::Tail(_)
+            | Self::Workers(_) => "warn",
             Self::Play(_) => "error",
             _ => "info",
         }
@@ -120,7 +129,10 @@ impl Command {
 
     /// Returns true if the subcommand handles Ctrl-C itself, because it has something to finish.
     const fn handles_ctrl_c(&self) -> bool {
-        matches!(self, Self::Serve(_) | Self::Demo(_) | Self::Play(_) | Self::Mcp(_) | Self::Db(_))
+        matches!(
+            self,
+            Self::Serve(_) | Self::Worker(_) | Self::Demo(_) | Self::Play(_) | Self::Mcp(_) | Self::Db(_)
+        )
     }
 
     fn run(&self, file: &ConfigFile) -> anyhow::Result<ExitCode> {
@@ -129,6 +141,8 @@ impl Command {
         }
         match self {
             Self::Serve(args) => serve::run(args),
+            Self::Worker(args) => worker::run(args),
+            Self::Workers(args) => workers::run(args, own_service::start),
             Self::Demo(args) => demo::run(args),
             Self::Runs(args) => runs::run(args, own_service::start),
             Self::Status(args) => status::run(args, own_service::start),

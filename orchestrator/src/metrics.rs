@@ -6,6 +6,7 @@ use std::time::Duration;
 use api_types::{ReceiptStatus, RefusalCode};
 use axum::http::{Method, StatusCode};
 use curriculum::Mastery;
+use job_queue::status::{QueueStatus, WorkerState};
 use metrics::{Unit, counter, describe_counter, describe_gauge, describe_histogram, gauge, histogram};
 use serde::Serialize;
 use store::alerts::AlertRule;
@@ -100,6 +101,13 @@ pub fn register() {
         "sparring_alert_messages_total",
         "Attempts to tell the webhook of an alert, by outcome: sent, failed."
     );
+    describe_gauge!("sparring_remote_workers", "Workers on other machines, by state.");
+    describe_gauge!("sparring_remote_degraded", "1 if --nats is set and no worker does jobs, else 0.");
+    describe_counter!("sparring_remote_jobs_total", "Jobs since the start, by where they were done.");
+    describe_counter!("sparring_remote_results_ignored_total", "Results of workers that were ignored.");
+    describe_counter!("sparring_remote_verified_total", "Results of workers that the server recomputed.");
+    describe_counter!("sparring_worker_jobs_total", "Accepted jobs, by worker.");
+    describe_counter!("sparring_worker_errors_total", "Jobs that failed or had wrong results, by worker.");
     describe_gauge!("sparring_build_info", "Always 1; the label is the version of the server.");
     gauge!("sparring_build_info", "version" => env!("CARGO_PKG_VERSION")).set(1.0);
     register_zeros();
@@ -302,5 +310,24 @@ mod tests {
         }
         assert_eq!(count("sparring_results_total{"), ReceiptStatus::ALL.len());
         assert_eq!(count("sparring_leases_total{"), LeaseEvent::ALL.len());
+    }
+}
+
+/// Sets the metrics of workers on other machines; nothing is set for a server without them.
+pub fn set_remote_workers(status: &QueueStatus) {
+    let QueueStatus { is_distributed: true, degraded, workers, counters } = status else { return };
+    gauge!("sparring_remote_degraded").set(f64::from(u8::from(degraded.is_some())));
+    for state in [WorkerState::Active, WorkerState::Stalled, WorkerState::Refused, WorkerState::Expelled] {
+        let count = workers.iter().filter(|worker| worker.state == state).count();
+        gauge!("sparring_remote_workers", "state" => state.as_str()).set(count as f64);
+    }
+    for (place, count) in [("worker", counters.done_remotely), ("server", counters.done_locally)] {
+        counter!("sparring_remote_jobs_total", "place" => place).absolute(count);
+    }
+    counter!("sparring_remote_results_ignored_total").absolute(counters.ignored_results);
+    counter!("sparring_remote_verified_total").absolute(counters.verified_items);
+    for worker in workers {
+        counter!("sparring_worker_jobs_total", "worker" => worker.id.clone()).absolute(worker.jobs);
+        counter!("sparring_worker_errors_total", "worker" => worker.id.clone()).absolute(worker.errors);
     }
 }

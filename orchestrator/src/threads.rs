@@ -1,8 +1,10 @@
 //! Thread pools for computation, each with a scheduling priority.
 
+use std::panic::AssertUnwindSafe;
 use std::sync::Arc;
 
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
+use tokio::sync::oneshot;
 
 /// Scheduling priority of a thread. Only Linux has priorities for single threads; on other systems all threads are equal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -51,6 +53,21 @@ pub fn pool(
         .start_handler(move |_| priority.apply())
         .build()
         .map(Arc::new)
+}
+
+/// Runs a function on a pool, without blocking a thread of the runtime. `None` if the function panics, or if the process stops.
+pub async fn run_on<T: Send + 'static>(
+    pool: &ThreadPool,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Option<T> {
+    let (sender, receiver) = oneshot::channel();
+    pool.spawn(move || {
+        // A panic drops the sender. Whatever the function has changed is dropped with it.
+        if let Ok(result) = std::panic::catch_unwind(AssertUnwindSafe(work)) {
+            drop(sender.send(result));
+        }
+    });
+    receiver.await.ok()
 }
 
 /// Half of the number of cores, rounded up.

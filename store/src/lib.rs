@@ -16,6 +16,7 @@ pub mod backup_list;
 pub mod brackets;
 pub mod columns;
 pub mod compacted_leases;
+pub mod corrections;
 pub mod critiques;
 pub mod curriculum;
 pub mod deadlines;

@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 
 use curriculum::{Curriculum, SequencedProposal, Settings, TaskPlan};
 use env_core::{SeedSpace, rollout};
-use orchestrator::leases::prepare::{DrawContext, SeedSource, prepare, unsolvable::UnsolvableParams};
+use jobs::prepare::{DrawContext, SeedSource, prepare, unsolvable::UnsolvableParams};
 use orchestrator::service::{Config, Service};
 
 use self::local_feed::LocalFeed;

@@ -1,8 +1,10 @@
-//! Criticises the episodes of a job. This is pure computing; [`store_critiques`](super::store_critiques) stores the result.
+//! Prepares critique jobs for the queue, and puts its results together. `store_critiques` stores them.
 
-use std::panic::AssertUnwindSafe;
+use std::sync::Arc;
 
-use rayon::prelude::*;
+use jobs::critique::CritiqueOutput;
+use jobs::{EpisodeBatch, LoggedEpisode};
+use store::critiques::CritiqueJob;
 
 use crate::critiques::critique_input::{CritiqueEpisode, CritiqueInput, SelectedEpisode};
 use crate::critiques::critique_result::CritiqueResult;
@@ -11,35 +13,75 @@ use crate::critiques::profile::EpisodeFindings;
 /// Episodes of a job at most.
 pub const MAX_JOB_EPISODES: usize = 64;
 
-/// Criticises the episodes of a job in parallel. An episode that cannot be criticised is counted and does not affect the others.
-#[must_use]
-pub fn criticise(input: CritiqueInput) -> CritiqueResult {
-    let CritiqueInput { job, selected, skipped } = input;
-    let (mut findings, mut reasons) = (Vec::with_capacity(selected.len()), Vec::new());
-    let results: Vec<_> = selected.into_par_iter().map(criticise_episode).collect();
-    for result in results {
-        match result {
-            Ok(found) => findings.push(found),
-            Err(reason) => reasons.push(reason),
+/// Critique jobs whose episodes are in the queue.
+#[derive(Debug)]
+pub struct PendingCritiques(Vec<PendingCritique>);
+
+/// A critique job without its logs.
+#[derive(Debug)]
+struct PendingCritique {
+    job: CritiqueJob,
+    episodes: Vec<PendingEpisode>,
+    skipped: i64,
+}
+
+/// An episode that sampling selected.
+#[derive(Debug)]
+struct PendingEpisode {
+    number: i64,
+    /// Number of the layout of a designed group, or the reason why the episode cannot be read.
+    layout: Result<Option<i64>, String>,
+}
+
+impl PendingCritiques {
+    /// Takes the readable episodes of jobs, in order, for the queue.
+    #[must_use]
+    pub fn take_episodes(inputs: Vec<CritiqueInput>) -> (Self, EpisodeBatch) {
+        let mut batch = EpisodeBatch::default();
+        let mut pending = Vec::with_capacity(inputs.len());
+        for CritiqueInput { job, selected, skipped } in inputs {
+            let take = |SelectedEpisode { number, episode }: SelectedEpisode| {
+                let layout = episode.map(|CritiqueEpisode { scenario, layout, log }| {
+                    batch.0.push(LoggedEpisode { scenario, log: Arc::new(log) });
+                    layout
+                });
+                PendingEpisode { number, layout }
+            };
+            pending.push(PendingCritique {
+                job,
+                episodes: selected.into_iter().map(take).collect(),
+                skipped,
+            });
         }
+        (Self(pending), batch)
     }
-    CritiqueResult {
-        job,
-        findings,
-        skipped,
-        failed: reasons.len() as i64,
-        reason: reasons.into_iter().next(),
+
+    /// Puts the results of the jobs together. An episode that could not be criticised is counted and does not affect the others.
+    #[must_use]
+    pub fn finish(self, output: CritiqueOutput) -> Vec<CritiqueResult> {
+        let mut outcomes = output.0.into_iter();
+        self.0.into_iter().map(|pending| pending.finish(&mut outcomes)).collect()
     }
 }
 
-fn criticise_episode(selected: SelectedEpisode) -> Result<EpisodeFindings, String> {
-    let number = selected.number;
-    let findings = selected.episode.and_then(|CritiqueEpisode { scenario, layout, log }| {
-        let task = scenario.task();
-        let critique = std::panic::catch_unwind(AssertUnwindSafe(|| task.critique(&scenario, &log)))
-            .map_err(|_| "the critique panicked".to_owned())?
-            .map_err(|error| error.to_string())?;
-        Ok(EpisodeFindings { layout, ..EpisodeFindings::of(number, &critique, task.speed_bands())? })
-    });
-    findings.map_err(|reason| format!("episode {number}: {reason}"))
+/// Findings of an episode, or the reason why it could not be criticised.
+type EpisodeCritique = Result<jobs::critique::CritiqueFindings, String>;
+
+impl PendingCritique {
+    fn finish(self, outcomes: &mut impl Iterator<Item = EpisodeCritique>) -> CritiqueResult {
+        let Self { job, episodes, skipped } = self;
+        let (mut findings, mut reasons) = (Vec::with_capacity(episodes.len()), Vec::new());
+        for PendingEpisode { number, layout } in episodes {
+            let criticised = layout.and_then(|layout| {
+                let missing = || Err("its critique is missing".to_owned());
+                Ok(EpisodeFindings::new(number, layout, outcomes.next().unwrap_or_else(missing)?))
+            });
+            match criticised {
+                Ok(found) => findings.push(found),
+                Err(reason) => reasons.push(format!("episode {number}: {reason}")),
+            }
+        }
+        let failed = reasons.len() as i64;
+        CritiqueResult { job, findings, skipped, failed, reason: reasons.into_iter().next() }
+    }
 }

@@ -4,18 +4,15 @@
 //! episodes later. Each weight is stored with the episode of its last update, so that its current value follows from the two and no
 //! row has to be updated only because time passes.
 
-use env_core::critique::{Critique, SpeedBands, Verdict, profile_sector};
 use store::critiques::{CritiqueCounters, DecayingSum};
 use store::failure_sectors::InertialSectorRow;
 use store::failures::{CellCounters, CellKey};
 
 use clock::Millis;
+use jobs::critique::{CritiqueFailure, CritiqueFindings, EncounterFinding};
 
 /// Criticised episodes of a task after which a failure weighs half.
 pub const HALF_LIFE: f64 = 2000.0;
-
-/// Verdicts on actions, in the order of their counters.
-pub const VERDICTS: [Verdict; 4] = [Verdict::Needed, Verdict::Harmless, Verdict::Wasteful, Verdict::Harmful];
 
 /// Returns a weight after it decayed for some criticised episodes.
 #[must_use]
@@ -39,7 +36,7 @@ pub struct EpisodeFindings {
     pub layout: Option<i64>,
     /// Value that the deterministic judge gives the episode.
     pub judged: f64,
-    /// Number of actions by verdict, in the order of [`VERDICTS`].
+    /// Number of actions by verdict, in the order of [`jobs::critique::VERDICTS`].
     pub verdicts: [i64; 4],
     /// Failures: the reasons why score was lost.
     pub failures: Vec<FailureFinding>,
@@ -62,62 +59,20 @@ pub struct FailureFinding {
     pub inertial: Option<u32>,
 }
 
-/// An encounter as the profile keeps it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct EncounterFinding {
-    /// Relative speed, in the world's unit.
-    pub relative_speed: f64,
-    /// Steps between the first detection and the encounter.
-    pub steps_left: u32,
-    /// True if acting at the first detection would have helped; `None` if the object was never seen.
-    pub avoidable: Option<bool>,
-}
-
 impl EpisodeFindings {
-    /// Extracts the findings of a critique.
-    ///
-    /// # Errors
-    /// Returns a sentence if the judge gives no finite value.
-    pub(crate) fn of(number: i64, critique: &Critique, bands: SpeedBands) -> Result<Self, String> {
-        if !critique.assessment.value.is_finite() {
-            return Err(format!("its judge says {}", critique.assessment.value));
-        }
-        let mut verdicts = [0; 4];
-        for action in &critique.actions {
-            verdicts[verdict_index(action.verdict)] += 1;
-        }
-        let failures = critique.failures.iter().map(|failure| {
-            let encounter = failure.encounter.as_ref().map(|e| EncounterFinding {
-                relative_speed: e.relative_speed,
-                steps_left: e.steps_left,
-                avoidable: e.avoidable,
-            });
-            let sector_deg = failure.sector_deg();
-            let key = CellKey {
-                mode: failure.mode.to_owned(),
-                sector: sector_deg.map(profile_sector),
-                band: encounter.map(|found| bands.band(found.relative_speed)),
-            };
-            let inertial =
-                failure.encounter.as_ref().and_then(|e| e.bearing_inertial_deg).map(profile_sector);
-            FailureFinding { key, agent: failure.agent, step: failure.step, sector_deg, encounter, inertial }
-        });
-        Ok(Self {
-            number,
-            layout: None,
-            judged: critique.assessment.value,
-            verdicts,
-            failures: failures.collect(),
-        })
+    /// Builds the findings of an episode of a lease.
+    #[must_use]
+    pub fn new(number: i64, layout: Option<i64>, findings: CritiqueFindings) -> Self {
+        let CritiqueFindings { judged, verdicts, failures } = findings;
+        Self { number, layout, judged, verdicts, failures: failures.into_iter().map(Into::into).collect() }
     }
 }
 
-const fn verdict_index(verdict: Verdict) -> usize {
-    match verdict {
-        Verdict::Needed => 0,
-        Verdict::Harmless => 1,
-        Verdict::Wasteful => 2,
-        Verdict::Harmful => 3,
+impl From<CritiqueFailure> for FailureFinding {
+    fn from(failure: CritiqueFailure) -> Self {
+        let CritiqueFailure { mode, sector, band, agent, step, sector_deg, encounter, inertial } = failure;
+        let key = CellKey { mode, sector, band };
+        Self { key, agent, step, sector_deg, encounter, inertial }
     }
 }
 

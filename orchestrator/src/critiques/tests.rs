@@ -14,19 +14,20 @@ use store::failure_sectors::{self, InertialSectorRow};
 use store::failures::{self, CellCounters, CellKey, FailureCursor, FailureFilter};
 use store::leases::{self, Disclosure, LeaseForm, LeaseRow, LeaseStatus, Purpose};
 
-use crate::critiques::criticise::criticise;
+use crate::critiques::criticise::PendingCritiques;
 use crate::critiques::critique_input::{CritiqueEpisode, CritiqueInput, SelectedEpisode};
 use crate::critiques::critique_result::CritiqueResult;
-use crate::critiques::profile::{EncounterFinding, EpisodeFindings, FailureFinding, decay};
+use crate::critiques::profile::{EpisodeFindings, FailureFinding, decay};
 use crate::critiques::store_critiques::StoreCritiques;
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::signals::WorkerSignals;
 use crate::engine::write_tx::WriteTx;
 use crate::engine::writer::Writer;
-use crate::leases::seeds::seed_of;
 use crate::runs::create_run::CreateRun;
 use clock::Clock;
+use jobs::critique::{CritiqueFindings, EncounterFinding};
+use jobs::seeds::seed_of;
 
 const RUN: &str = "run";
 const TASK: &str = "kessler/survival";
@@ -154,6 +155,17 @@ fn critique(value: f64, failures: Vec<env_core::critique::Failure>) -> env_core:
     }
 }
 
+/// Findings of an episode without a layout.
+fn findings_of(number: i64, critique: &env_core::critique::Critique) -> Result<EpisodeFindings, String> {
+    Ok(EpisodeFindings::new(number, None, CritiqueFindings::of(critique, BANDS)?))
+}
+
+/// Criticises a job as the worker does.
+fn criticise(input: CritiqueInput) -> CritiqueResult {
+    let (pending, batch) = PendingCritiques::take_episodes(vec![input]);
+    pending.finish(jobs::critique::criticise(&batch)).remove(0)
+}
+
 fn result_of(job: CritiqueJob, findings: Vec<EpisodeFindings>) -> CritiqueResult {
     CritiqueResult { job, findings, skipped: 0, failed: 0, reason: None }
 }
@@ -162,14 +174,14 @@ fn result_of(job: CritiqueJob, findings: Vec<EpisodeFindings>) -> CritiqueResult
 fn critique_fills_the_cells_of_its_failures() {
     let decay = env_core::critique::Failure { mode: "decay", encounter: None, ..collision(0.0, 0.0, None) };
     let shown = critique(-0.5, vec![collision(-20.0, 2.0, Some(true)), decay]);
-    let note = EpisodeFindings::of(3, &shown, BANDS).unwrap();
+    let note = findings_of(3, &shown).unwrap();
     assert_eq!((note.number, note.judged, note.verdicts), (3, -0.5, [1, 0, 0, 1]));
     assert_eq!(
         note.failures[0].key,
         CellKey { mode: "collision".to_owned(), sector: Some(11), band: Some(2) }
     );
     assert_eq!(note.failures[1].key, CellKey { mode: "decay".to_owned(), sector: None, band: None });
-    assert!(EpisodeFindings::of(3, &critique(f64::NAN, Vec::new()), BANDS).is_err());
+    assert!(findings_of(3, &critique(f64::NAN, Vec::new())).is_err());
 }
 
 #[tokio::test]
@@ -179,8 +191,7 @@ async fn findings_read_back_and_a_job_is_stored_once() {
     let jobs = writer.change(EnqueueJobs { task: TASK, sizes: vec![100, 3] }).await.unwrap();
     assert_eq!(writer.change(ReadProfile(TASK)).await.unwrap().waiting, 103);
     let notes = |count: i64| {
-        let note =
-            |n| EpisodeFindings::of(n, &critique(0.25, vec![collision(95.0, 1.5, Some(n % 2 == 0))]), BANDS);
+        let note = |n| findings_of(n, &critique(0.25, vec![collision(95.0, 1.5, Some(n % 2 == 0))]));
         (0..count).map(|n| note(n).unwrap()).collect::<Vec<_>>()
     };
     let first = || result_of(jobs[0].clone(), notes(100));

@@ -16,11 +16,11 @@ use crate::engine::event::RunEvent;
 use crate::engine::write_tx::WriteTx;
 use crate::engine::writer::Writer;
 use crate::leases::create::{CreateLease, GrantedLease};
-use crate::leases::prepare::PreparedScenario;
-use crate::leases::prepare::store_prepared::store_scenarios;
+use crate::leases::store_prepared::store_scenarios;
 use crate::metrics::LeaseEvent;
 use evaluation::suite::SuiteEntry;
 use evaluation::suite::file;
+use jobs::prepare::PreparedScenario;
 
 /// Leases waiting scenarios of an evaluation: as many groups as requested, or as many as there are.
 ///

@@ -19,19 +19,26 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
 /// Health of the server.
 #[derive(Serialize, ToSchema)]
 struct Health {
-    /// Always `ok`; a failure is a problem.
+    /// `ok`, or `degraded` if the server serves without the workers that it is configured for. A failure is a problem.
     status: &'static str,
+    /// Why the server is degraded.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reason: Option<String>,
+}
+
+impl Health {
+    const OK: Self = Self { status: "ok", reason: None };
 }
 
 /// Check that the process answers.
 #[utoipa::path(get, path = "/livez", tag = "health", responses((status = 200, body = Health)))]
 async fn get_liveness() -> axum::Json<Health> {
-    axum::Json(Health { status: "ok" })
+    axum::Json(Health::OK)
 }
 
 /// Check that the database can be read and written, and that the server is not stopping.
 ///
-/// The check writes at most one row a second.
+/// The check writes at most one row a second. A server whose workers are away is ready and degraded: it does their jobs itself.
 #[utoipa::path(
     get, path = "/readyz", tag = "health",
     responses((status = 200, body = Health), (status = 503, body = Problem, description = "The server is not ready; the detail has the reason."))
@@ -42,5 +49,6 @@ async fn get_readiness(State(app): State<AppState>) -> Result<axum::Json<Health>
         return Err(not_ready("The server is shutting down.".to_owned()));
     }
     app.readiness.check_writable(&app.writer).await.map_err(not_ready)?;
-    Ok(axum::Json(Health { status: "ok" }))
+    let degraded = app.lease_service.audits.queue.status().degraded;
+    Ok(axum::Json(degraded.map_or(Health::OK, |reason| Health { status: "degraded", reason: Some(reason) })))
 }

@@ -83,6 +83,7 @@ async fn get_metrics(State(app): State<AppState>) -> Result<Response, Problem> {
     let crate::engine::writer::QueueLengths { urgent, bulk } = app.writer.queue_lengths();
     metrics::set_writer_queue(urgent, bulk);
     metrics::set_sessions(app.sessions.active(), app.sessions.limits().max_sessions);
+    metrics::set_remote_workers(&app.lease_service.audits.queue.status());
     handle.run_upkeep();
     Ok(([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], handle.render())
         .into_response())

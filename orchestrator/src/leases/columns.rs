@@ -21,14 +21,14 @@ use crate::engine::write_tx::WriteTx;
 use crate::engine::writer::Writer;
 use crate::leases::audit_sample::{RecipeRange, SampledGroup, draw_sample};
 use crate::leases::create::{CreateLease, GrantedLease, TTL_S, counts_as_evidence};
-use crate::leases::prepare::recipe_of;
-use crate::leases::seeds::seed_of;
 use crate::leases::slots::{can_show_mastery, slot_of};
 use crate::metrics::LeaseEvent;
 use crate::runs::settings::MAX_GROUP_SIZE;
 use crate::runs::validate::{check_episodes, check_range};
 use crate::runs::version_step::check_version_step;
 use curriculum::{Proposal, SequencedProposal, StrategyKind};
+use jobs::prepare::recipe_of;
+use jobs::seeds::seed_of;
 
 /// Most groups, and most episodes, of a lease of columns.
 pub const MAX_COLUMN_GROUPS: u32 = 100_000;

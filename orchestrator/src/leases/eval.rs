@@ -19,10 +19,10 @@ use crate::engine::run_tx::RunTx;
 use crate::engine::write_tx::WriteTx;
 use crate::engine::writer::Writer;
 use crate::leases::create::{CreateLease, GrantedLease};
-use crate::leases::prepare::store_prepared::store_scenarios;
-use crate::leases::prepare::unsolvable::UnsolvableParams;
-use crate::leases::prepare::{DrawContext, PreparedScenario, SeedSource, prepare};
+use crate::leases::store_prepared::store_scenarios;
 use curriculum::{Proposal, ProposalRole};
+use jobs::prepare::unsolvable::UnsolvableParams;
+use jobs::prepare::{DrawContext, PreparedScenario, SeedSource, prepare};
 
 /// Sequence numbers reserved for each lease, so that the seeds of two leases never coincide.
 const NUMBERS_PER_LEASE: u64 = 1 << 20;

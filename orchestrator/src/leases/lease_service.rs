@@ -18,9 +18,10 @@ use crate::leases::create::{CreateLease, GrantedLease};
 use crate::leases::eval::create_eval_lease;
 use crate::leases::session_episodes::SessionEpisodes;
 use crate::ownership::Actor;
-use crate::results::audit::audit;
+use crate::results::audit::{AuditEngine, CompletedAudit, audit};
 use crate::results::audit_outcome::{AuditedEpisode, AuditedReport};
 use crate::results::report::{ReportReceipts, StoreResults};
+use crate::results::report_order::ReportOrder;
 use crate::results::reported::ReportedEpisode;
 use crate::rollouts::rollout_lease::{LeaseRolloutGroup, RolloutLease};
 use crate::runs::settings::RunSettings;
@@ -45,8 +46,10 @@ pub struct LeaseService {
     pub gates: Arc<LeaseGates>,
     /// Episodes that sessions run now.
     pub(crate) session_episodes: Arc<SessionEpisodes>,
-    /// Threads that replay results and prepare leases for evaluation, at a lower priority than the threads that answer and write.
-    pub replay_pool: Arc<rayon::ThreadPool>,
+    /// Replays results. Its threads also prepare leases for evaluation.
+    pub audits: AuditEngine,
+    /// Order in which the reports of a run are stored.
+    pub report_order: ReportOrder,
 }
 
 /// One gate per run. Waiting requests pass it in order, so that a large lease is not overtaken for ever.
@@ -68,10 +71,10 @@ impl LeaseService {
     /// Returns [`ServiceError::NotReady`] if the preparation takes longer, and other errors if the lease may not be granted.
     pub async fn lease(&self, request: CreateLease) -> Result<GrantedLease, ServiceError> {
         if let Some(evaluation) = request.evaluation.filter(|_| request.purpose == Purpose::Eval) {
-            return create_suite_lease(&self.writer, &self.replay_pool, request, evaluation).await;
+            return create_suite_lease(&self.writer, &self.audits.threads, request, evaluation).await;
         }
         if request.purpose == Purpose::Eval {
-            return create_eval_lease(&self.writer, &self.replay_pool, request).await;
+            return create_eval_lease(&self.writer, &self.audits.threads, request).await;
         }
         let run = request.run.clone();
         self.when_ready(&run, || self.writer.change(request.clone())).await
@@ -82,7 +85,7 @@ impl LeaseService {
     /// # Errors
     /// Returns an error if the lease may not be granted.
     pub async fn lease_columns(&self, request: CreateLease) -> Result<GrantedLease, ServiceError> {
-        create_column_lease(&self.writer, &self.replay_pool, request).await
+        create_column_lease(&self.writer, &self.audits.threads, request).await
     }
 
     /// Grants a lease of one group to a rollout worker, and returns the run's policy with it. It waits as [`Self::lease`] does.
@@ -135,8 +138,10 @@ impl LeaseService {
         policy_version: Option<u32>,
         reported: Vec<ReportedEpisode>,
     ) -> Result<ReportReceipts, ServiceError> {
-        let replayed = self.replay(&run, actor, policy_version, reported).await?;
-        let AuditedReport { mut episodes, mut brackets } = replayed;
+        let mut turn = self.report_order.enter(&run);
+        let CompletedAudit { report, receipt } = self.replay(&run, actor, policy_version, reported).await?;
+        turn.wait().await;
+        let AuditedReport { mut episodes, mut brackets } = report;
         if actor != Actor::Server {
             self.mark_session_episodes(&mut episodes);
         }
@@ -150,6 +155,7 @@ impl LeaseService {
             answer.receipts.extend(stored.receipts);
             answer.summary.add(stored.summary);
             if episodes.len() == 0 {
+                receipt.acknowledge();
                 return Ok(answer);
             }
         }
@@ -163,7 +169,7 @@ impl LeaseService {
         &self,
         run: &RunId,
         reported: Vec<ReportedEpisode>,
-    ) -> Result<AuditedReport, ServiceError> {
+    ) -> Result<CompletedAudit, ServiceError> {
         self.replay(run, Actor::Server, None, reported).await
     }
 
@@ -182,7 +188,7 @@ impl LeaseService {
         actor: Actor,
         policy_version: Option<u32>,
         reported: Vec<ReportedEpisode>,
-    ) -> Result<AuditedReport, ServiceError> {
+    ) -> Result<CompletedAudit, ServiceError> {
         let mut conn = self.readers.acquire().await?;
         let row = runs::get(&mut conn, run.as_str()).await?;
         let row = row.ok_or_else(|| ServiceError::UnknownRun(run.to_string()))?;
@@ -190,6 +196,6 @@ impl LeaseService {
             check_version_step("policy_version", version, row.policy_version)?;
         }
         let settings: RunSettings = from_json("a run's settings", &row.settings)?;
-        audit(&mut conn, &self.replay_pool, run, actor, settings, reported).await
+        audit(&mut conn, &self.audits, run, actor, settings, reported).await
     }
 }

@@ -3,7 +3,9 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Duration;
 
+use job_queue::nats::NatsConfig;
 use policy_files::PolicyFolder;
 use store::{OpenError, StoreError};
 
@@ -47,6 +49,8 @@ pub struct Config {
     pub archived_retention: Option<ArchivedRetention>,
     /// Rules of alerts, and their webhook.
     pub alerts: AlertSettings,
+    /// Workers on other machines; `None` if the server does all jobs itself.
+    pub remote_workers: Option<RemoteWorkersConfig>,
     /// Token of the process that starts the service for itself; `None` for a server. With it, no worker runs, the state of the
     /// last server is not recovered, and only requests with this token are admitted, as an admin's.
     pub process_token: Option<Token>,
@@ -70,6 +74,7 @@ impl Config {
             client_limits: ClientLimits::default(),
             archived_retention: None,
             alerts: AlertSettings::default(),
+            remote_workers: None,
             process_token: None,
         }
     }
@@ -80,6 +85,19 @@ impl Config {
     pub fn for_this_process(db: PathBuf) -> Self {
         Self { process_token: Some(Token::for_process()), ..Self::local(db) }
     }
+}
+
+/// Workers on other machines, and the trust in them.
+#[derive(Debug, Clone)]
+pub struct RemoteWorkersConfig {
+    /// How to reach NATS.
+    pub nats: NatsConfig,
+    /// Share of results that the server recomputes, from 0 to 1.
+    pub verified_share: f64,
+    /// Jobs whose expected time is shorter stay in the server.
+    pub min_job: Duration,
+    /// Time after which the server does a job itself that no worker works on.
+    pub patience: Duration,
 }
 
 /// Reason why the service could not start.

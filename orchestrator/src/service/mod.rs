@@ -4,6 +4,7 @@
 //! listens. The parts themselves are in `http`, `workers`, `sessions`, `engine` and `store`.
 
 mod config;
+mod service_queue;
 mod startup;
 
 use std::net::SocketAddr;
@@ -12,12 +13,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use job_queue::status::QueueNotice;
 use sqlx::SqlitePool;
 use store::{DatabaseLock, open_maintenance, open_readers};
+use tokio::sync::mpsc::UnboundedReceiver;
 use tokio::sync::watch;
 use tokio::task::{JoinHandle, JoinSet};
 
-pub use self::config::{Config, StartError};
+pub use self::config::{Config, RemoteWorkersConfig, StartError};
+use self::service_queue::ServiceQueue;
 use self::startup::{BoundListener, OpenDatabase};
 use crate::engine::error::ServiceError;
 use crate::engine::signals::WorkerSignals;
@@ -73,17 +77,22 @@ impl Service {
             Writer::start(connection, Some(Arc::clone(&lock)), config.clock.clone(), signals.clone());
         let (ready_sender, ready) = watch::channel(0);
         let (stop, stopped) = watch::channel(false);
+        let ServiceQueue { audits, report_order, notices } =
+            service_queue::start(&config).map_err(StartError::Threads)?;
         let lease_service = LeaseService {
             writer: writer.clone(),
             readers: readers.clone(),
             ready,
             gates: Arc::default(),
             session_episodes: Arc::default(),
-            replay_pool: threads::pool("replay", 0, ThreadPriority::Bulk).map_err(StartError::Threads)?,
+            audits,
+            report_order,
         };
         let sessions = create_sessions(&config, surface, &lease_service)?;
         let workers = match &config.process_token {
-            None => spawn_workers(&config, &lease_service, signals.clone(), ready_sender, &sessions)?,
+            None => {
+                spawn_workers(&config, &lease_service, signals.clone(), ready_sender, &sessions, notices)?
+            }
             Some(_) => JoinSet::new(),
         };
         let access_control = create_access_control(&config, &lease_service, address);
@@ -259,6 +268,7 @@ fn spawn_workers(
     signals: WorkerSignals,
     ready: watch::Sender<u64>,
     sessions: &Arc<SessionManager>,
+    notices: Option<UnboundedReceiver<QueueNotice>>,
 ) -> Result<JoinSet<()>, StartError> {
     let workers = WorkerConfig {
         clock: config.clock.clone(),
@@ -272,6 +282,7 @@ fn spawn_workers(
         archived_retention: config.archived_retention,
         alerts: config.alerts.clone(),
         folder: folder_of(&config.db),
+        notices,
     };
     workers.spawn().map_err(StartError::Threads)
 }

@@ -4,12 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
 
-use rayon::prelude::*;
+use job_queue::{CompletedJob, JobError, JobQueue};
+use jobs::{JobOutput, JobPayload};
 use sqlx::SqlitePool;
 use store::critiques;
 use tokio::sync::Notify;
 
-use crate::critiques::criticise;
+use crate::critiques::criticise::PendingCritiques;
 use crate::critiques::critique_input::{self, CritiqueInput};
 use crate::critiques::critique_result::CritiqueResult;
 use crate::critiques::sampling;
@@ -33,8 +34,8 @@ pub(super) struct CritiqueWorker {
     pub writer: Writer,
     /// Signal that episodes were reported.
     pub wake: Arc<Notify>,
-    /// Threads of this worker, at background priority.
-    pub pool: Arc<rayon::ThreadPool>,
+    /// Queue that criticises, at background priority.
+    pub queue: Arc<dyn JobQueue>,
 }
 
 impl CritiqueWorker {
@@ -61,14 +62,16 @@ impl CritiqueWorker {
         if count == 0 {
             return Ok(0);
         }
-        let pool = Arc::clone(&self.pool);
-        let results: Vec<CritiqueResult> = tokio::task::spawn_blocking(move || {
-            pool.install(|| inputs.into_par_iter().map(criticise::criticise).collect())
-        })
-        .await
-        .map_err(|error| ServiceError::invalid("critique", error.to_string()))?;
+        let (pending, batch) = PendingCritiques::take_episodes(inputs);
+        let done = self.queue.run(JobPayload::Critique(batch)).await;
+        let done = done.map_err(|error| ServiceError::invalid("critique", error.to_string()))?;
+        let CompletedJob { output: JobOutput::Critique(output), receipt } = done else {
+            return Err(ServiceError::invalid("critique", JobError::OtherKind.to_string()));
+        };
+        let results: Vec<CritiqueResult> = pending.finish(output);
         let failures: Vec<_> = results.iter().filter_map(JobFailure::of).collect();
         self.writer.change(StoreCritiques(results)).await?;
+        receipt.acknowledge();
         for JobFailure { run, lease, failed, reason } in failures {
             tracing::warn!(
                 run,

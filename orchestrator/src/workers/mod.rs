@@ -13,10 +13,12 @@ mod design;
 mod evaluate;
 mod expire;
 mod prepare;
+mod remote_workers;
 mod retention;
 mod revoke_connections;
 mod rollout;
 mod round_error;
 mod spawn;
 
+pub use self::prepare::MAX_JOBS as MAX_PREPARE_JOBS;
 pub use self::spawn::WorkerConfig;

@@ -1,25 +1,23 @@
 //! Prepares the scenarios of waiting proposals, in order and in parallel.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::panic::AssertUnwindSafe;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use env_core::SeedSpace;
+use job_queue::{CompletedJob, JobQueue, Receipt};
+use jobs::prepare::ParentScenario;
+use jobs::prepare::job::{PendingProposal, PrepareOutcome, PreparePayload};
+use jobs::{JobOutput, JobPayload};
 use sqlx::{SqliteConnection, SqlitePool};
 use store::proposals::{self, ProposalKey, UnpreparedProposal};
 use store::{from_json, runs, to_i64, to_u64};
-use tokio::sync::{Notify, oneshot, watch};
+use tokio::sync::{Notify, watch};
 use tokio::task::JoinSet;
 
 use crate::engine::error::ServiceError;
 use crate::engine::writer::Writer;
-use crate::leases::prepare::store_prepared::{ScenarioOfProposal, StorePrepared};
-use crate::leases::prepare::unsolvable::UnsolvableParams;
-use crate::leases::prepare::{
-    DrawContext, ParentScenario, PrepareError, PreparedScenario, SeedSource, prepare,
-};
 use crate::leases::scenario_cache::ScenarioCache;
+use crate::leases::store_prepared::{ScenarioOfProposal, StorePrepared};
 use crate::metrics;
 use crate::runs::settings::RunSettings;
 use crate::workers::round_error::ends_worker;
@@ -27,11 +25,9 @@ use curriculum::Proposal;
 
 /// Maximum number of jobs that run concurrently, of all runs together. It exceeds the number of cores: a scenario that takes seconds
 /// must not delay those that take milliseconds, and the operating system shares the cores among them.
-pub(super) const MAX_JOBS: usize = 16;
+pub const MAX_JOBS: usize = 16;
 /// Maximum number of proposals of a job. Most scenarios take far less time than to store one, so several are stored together.
 const MAX_PROPOSALS_OF_JOB: usize = 8;
-/// Time after which a job begins no further proposal, so that those behind a slow one are not delayed by it.
-const MAX_JOB_TIME: Duration = Duration::from_millis(10);
 /// Number of waiting proposals that are considered for a start.
 const PROPOSALS_PER_QUERY: i64 = 128;
 /// Pause after an error, and maximum wait for a signal, in case one was missed.
@@ -48,29 +44,23 @@ pub(super) struct PrepareWorker {
     pub wake: Arc<Notify>,
     /// Incremented when scenarios were stored, for lease requests that wait.
     pub ready: watch::Sender<u64>,
-    /// The [`MAX_JOBS`] threads of this worker: scenarios that are hard to find must not delay the replay of results.
-    pub pool: Arc<rayon::ThreadPool>,
-    /// Params under which no scenario is solvable.
-    pub unsolvable: Arc<UnsolvableParams>,
+    /// Queue that prepares, up to [`MAX_JOBS`] jobs at once.
+    pub queue: Arc<dyn JobQueue>,
 }
 
-/// Result of preparing a proposal.
-enum Prepared {
-    Scenario(Box<PreparedScenario>),
-    /// The proposal has no scenario.
-    Failed,
-    /// The job ended before it; another one prepares it.
-    Untried,
+/// A job that has ended.
+struct EndedJob {
+    /// Proposals of the job, with their results.
+    results: Vec<(ProposalKey, PrepareOutcome)>,
+    /// What to acknowledge after the commit.
+    receipt: Receipt,
 }
-
-/// Proposals of a job, with their results.
-type JobResults = Vec<(ProposalKey, Prepared)>;
 
 /// Proposals that are being prepared.
 #[derive(Default)]
 struct ActiveJobs {
     /// A job without results was lost: its thread panicked, or the pool is gone.
-    jobs: JoinSet<Option<JobResults>>,
+    jobs: JoinSet<Option<EndedJob>>,
     by_run: BTreeMap<String, ActiveJobsOfRun>,
 }
 
@@ -157,24 +147,19 @@ impl PrepareWorker {
         };
         let others = std::iter::from_fn(|| active.jobs.try_join_next());
         let ended: Vec<_> = first.into_iter().chain(others).collect();
-        let mut change = StorePrepared::default();
-        let mut done = Vec::new();
-        for results in ended {
-            let Ok(Some(results)) = results else {
+        let (mut change, mut receipt, mut done) = (StorePrepared::default(), Receipt::default(), Vec::new());
+        for ended in ended {
+            let Ok(Some(ended)) = ended else {
                 // The proposals of a lost job are unknown, so all may start again. A scenario that is prepared twice is stored once.
                 active.by_run.clear();
                 continue;
             };
-            done.push(results.iter().map(|(proposal, _)| proposal.clone()).collect::<Vec<_>>());
-            for (proposal, result) in results {
-                match result {
-                    Prepared::Scenario(scenario) => {
-                        change.prepared.push(ScenarioOfProposal { proposal, scenario: *scenario });
-                    }
-                    Prepared::Failed => change.failed.push(proposal),
-                    Prepared::Untried => {}
-                }
-            }
+            receipt.merge(ended.receipt);
+            done.push(ended.results.iter().map(|(proposal, _)| proposal.clone()).collect::<Vec<_>>());
+            ended
+                .results
+                .into_iter()
+                .for_each(|(proposal, outcome)| add_outcome(&mut change, proposal, outcome));
         }
         if done.is_empty() {
             return Ok(());
@@ -185,6 +170,7 @@ impl PrepareWorker {
         // A result that could not be stored is prepared again.
         done.iter().for_each(|job| active.remove(job));
         stored?;
+        receipt.acknowledge();
         self.ready.send_modify(|count| *count += 1);
         started
     }
@@ -202,99 +188,80 @@ impl PrepareWorker {
             for waiting in planned {
                 job.load(&mut conn, waiting).await;
             }
-            let (sender, receiver) = oneshot::channel();
-            let unsolvable = Arc::clone(&self.unsolvable);
-            self.pool.spawn(move || {
-                // The receiver is gone if the service stops; then the search ends.
-                let is_wanted = || !sender.is_closed();
-                let results = job.run(DrawContext { unsolvable: &unsolvable, is_wanted: &is_wanted });
-                let _ = sender.send(results);
-            });
-            active.jobs.spawn(async { receiver.await.ok() });
+            active.jobs.spawn(job.run(Arc::clone(&self.queue)));
         }
         Ok(())
+    }
+}
+
+/// Adds the result of a proposal to a change.
+fn add_outcome(change: &mut StorePrepared, proposal: ProposalKey, outcome: PrepareOutcome) {
+    match outcome {
+        PrepareOutcome::Scenario(scenario) => {
+            change.prepared.push(ScenarioOfProposal { proposal, scenario: *scenario });
+        }
+        PrepareOutcome::Failed(reason) => {
+            if let Some(reason) = reason {
+                let ProposalKey { run, seq } = &proposal;
+                tracing::warn!(run, seq, reason, "A proposal cannot be prepared and is dropped.");
+            }
+            change.failed.push(proposal);
+        }
+        PrepareOutcome::Untried => {}
     }
 }
 
 /// Proposals of a run, in order.
 #[derive(Default)]
 struct PrepareJob {
-    loaded: Vec<LoadedProposal>,
+    loaded: Vec<ProposalKey>,
+    payload: PreparePayload,
     /// Proposals that cannot be read.
     failed: Vec<ProposalKey>,
-}
-
-/// A proposal with everything that its preparation needs.
-struct LoadedProposal {
-    key: ProposalKey,
-    run_seed: u64,
-    proposal: Proposal,
-    /// The scenario that it derives from, if it derives from one that is still stored.
-    parent: Option<ParentScenario>,
 }
 
 impl PrepareJob {
     /// Loads a proposal and adds it.
     async fn load(&mut self, conn: &mut SqliteConnection, waiting: UnpreparedProposal) {
-        match LoadedProposal::load(conn, &waiting).await {
-            Ok(loaded) => self.loaded.push(loaded),
+        let loaded = load_proposal(conn, &waiting).await;
+        let UnpreparedProposal { run, seq, .. } = waiting;
+        match loaded {
+            Ok(pending) => {
+                self.loaded.push(ProposalKey { run, seq });
+                self.payload.0.push(pending);
+            }
             Err(error) => {
-                let UnpreparedProposal { run, seq, .. } = waiting;
                 tracing::warn!(run, seq, error = %error, "A proposal cannot be read and is dropped.");
                 self.failed.push(ProposalKey { run, seq });
             }
         }
     }
 
-    /// Prepares the proposals until the time is up; the first one is always tried.
-    fn run(self, context: DrawContext<'_>) -> JobResults {
+    /// Prepares the proposals; `None` if the job is lost.
+    async fn run(self, queue: Arc<dyn JobQueue>) -> Option<EndedJob> {
         let _busy = metrics::BusyGuard::new("prepare");
-        let started = Instant::now();
-        let mut results: JobResults =
-            self.failed.into_iter().map(|proposal| (proposal, Prepared::Failed)).collect();
-        for (number, loaded) in self.loaded.into_iter().enumerate() {
-            results.push(if number == 0 || started.elapsed() < MAX_JOB_TIME {
-                loaded.prepare(context)
-            } else {
-                (loaded.key, Prepared::Untried)
-            });
+        let Self { loaded, payload, failed } = self;
+        let failed = failed.into_iter().map(|proposal| (proposal, PrepareOutcome::Failed(None)));
+        if loaded.is_empty() {
+            return Some(EndedJob { results: failed.collect(), receipt: Receipt::default() });
         }
-        results
+        let done = queue.run(JobPayload::Prepare(payload)).await.ok()?;
+        let CompletedJob { output: JobOutput::Prepare(output), receipt } = done else { return None };
+        Some(EndedJob { results: failed.chain(loaded.into_iter().zip(output.0)).collect(), receipt })
     }
 }
 
-impl LoadedProposal {
-    async fn load(conn: &mut SqliteConnection, waiting: &UnpreparedProposal) -> Result<Self, ServiceError> {
-        let proposal: Proposal = from_json("a proposal", &waiting.body)?;
-        let parent = match proposal.source.parent_proposal() {
-            Some(seq) => load_parent(conn, &waiting.run, seq, &proposal).await?,
-            None => None,
-        };
-        let key = ProposalKey { run: waiting.run.clone(), seq: waiting.seq };
-        Ok(Self { key, run_seed: to_u64(waiting.run_seed), proposal, parent })
-    }
-
-    /// Prepares the proposal. A panic fails this proposal, and no other.
-    fn prepare(self, context: DrawContext<'_>) -> (ProposalKey, Prepared) {
-        let Self { key: ProposalKey { run, seq }, run_seed, proposal, parent } = self;
-        let seeds = SeedSource { space: SeedSpace::Training, run_seed, seq: to_u64(seq) };
-        let prepared = std::panic::catch_unwind(AssertUnwindSafe(|| {
-            prepare(seeds, &proposal, parent.as_ref(), context)
-        }));
-        let result = match prepared {
-            Ok(Ok(scenario)) => Prepared::Scenario(Box::new(scenario)),
-            Ok(Err(PrepareError::Abandoned)) => Prepared::Failed,
-            Ok(Err(error)) => {
-                tracing::warn!(run, seq, error = %error, "A proposal cannot be prepared and is dropped.");
-                Prepared::Failed
-            }
-            Err(_) => {
-                tracing::error!(run, seq, "Preparing a proposal panicked; it is dropped.");
-                Prepared::Failed
-            }
-        };
-        (ProposalKey { run, seq }, result)
-    }
+/// Loads a proposal with everything that its preparation needs.
+async fn load_proposal(
+    conn: &mut SqliteConnection,
+    waiting: &UnpreparedProposal,
+) -> Result<PendingProposal, ServiceError> {
+    let proposal: Proposal = from_json("a proposal", &waiting.body)?;
+    let parent = match proposal.source.parent_proposal() {
+        Some(seq) => load_parent(conn, &waiting.run, seq, &proposal).await?,
+        None => None,
+    };
+    Ok(PendingProposal { run_seed: to_u64(waiting.run_seed), seq: to_u64(waiting.seq), proposal, parent })
 }
 
 /// Loads the scenario of an earlier proposal of the run; `None` if it is not stored any more.

@@ -6,8 +6,10 @@ use std::sync::Arc;
 use clock::Clock;
 use futures_util::FutureExt;
 use futures_util::future::BoxFuture;
+use job_queue::status::QueueNotice;
 use policy_files::PolicyFolder;
 use rayon::{ThreadPool, ThreadPoolBuildError};
+use tokio::sync::mpsc::UnboundedReceiver;
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 
@@ -16,9 +18,9 @@ use super::critique::CritiqueWorker;
 use super::delete_archived::ArchivedRunWorker;
 use super::design::DesignWorker;
 use super::evaluate::EvaluationWorker;
-use super::prepare::{self, PrepareWorker};
+use super::prepare::PrepareWorker;
 use super::rollout::RolloutWorker;
-use super::{clock as clock_worker, delete_runs, expire, retention, revoke_connections};
+use super::{clock as clock_worker, delete_runs, expire, remote_workers, retention, revoke_connections};
 use crate::alerts::AlertSettings;
 use crate::designs::Designers;
 use crate::engine::signals::WorkerSignals;
@@ -53,6 +55,8 @@ pub struct WorkerConfig {
     pub alerts: AlertSettings,
     /// Folder of the database, whose free space is watched.
     pub folder: PathBuf,
+    /// Notices of workers on other machines, if they are configured.
+    pub notices: Option<UnboundedReceiver<QueueNotice>>,
 }
 
 impl WorkerConfig {
@@ -71,22 +75,32 @@ impl WorkerConfig {
 
     fn jobs(self) -> Result<Vec<BoxFuture<'static, ()>>, ThreadPoolBuildError> {
         let (rollouts, evaluator) = self.policy_workers()?;
-        let Self { clock, lease_service, signals, ready, sessions, designers, archived_retention, .. } = self;
-        let (settings, folder) = (self.alerts, self.folder);
+        let Self {
+            clock,
+            lease_service,
+            signals,
+            ready,
+            sessions,
+            designers,
+            archived_retention,
+            notices,
+            alerts: settings,
+            folder,
+            ..
+        } = self;
         let LeaseService { writer, readers, .. } = &lease_service;
         let preparer = PrepareWorker {
             readers: readers.clone(),
             writer: writer.clone(),
             wake: signals.prepare,
             ready,
-            unsolvable: Arc::default(),
-            pool: threads::pool("prepare", prepare::MAX_JOBS, ThreadPriority::Bulk)?,
+            queue: Arc::clone(&lease_service.audits.queue),
         };
         let critic = CritiqueWorker {
             readers: readers.clone(),
             writer: writer.clone(),
             wake: signals.critique,
-            pool: background_pool("critique")?,
+            queue: Arc::clone(&lease_service.audits.queue),
         };
         let designer = DesignWorker {
             readers: readers.clone(),
@@ -122,6 +136,9 @@ impl WorkerConfig {
             alerts.run().boxed(),
         ];
         jobs.extend(archived.map(|worker| worker.run().boxed()));
+        jobs.extend(
+            notices.map(|notices| remote_workers::run(readers.clone(), writer.clone(), notices).boxed()),
+        );
         Ok(jobs)
     }
 

@@ -429,6 +429,18 @@ class Failures:
         return response
 
 
+class Health:
+    """Liveness, readiness and metrics of the server."""
+
+    def __init__(self, send: Send) -> None:
+        self._send = send
+
+    def list_workers(self) -> types.RemoteWorkerList:
+        """List the workers on other machines."""
+        response: types.RemoteWorkerList = self._send("GET", "/v1/workers", {}, None, is_repeatable=True)
+        return response
+
+
 class Leases:
     """Groups of scenarios that a trainer may run until a deadline."""
 
@@ -926,6 +938,7 @@ class Operations:
         self.episodes = Episodes(send)
         self.evaluations = Evaluations(send)
         self.failures = Failures(send)
+        self.health = Health(send)
         self.leases = Leases(send)
         self.mastery = Mastery(send)
         self.results = Results(send)
@@ -1339,6 +1352,18 @@ class AsyncFailures:
             None,
             is_repeatable=True,
         )
+        return response
+
+
+class AsyncHealth:
+    """Liveness, readiness and metrics of the server."""
+
+    def __init__(self, send: AsyncSend) -> None:
+        self._send = send
+
+    async def list_workers(self) -> types.RemoteWorkerList:
+        """List the workers on other machines."""
+        response: types.RemoteWorkerList = await self._send("GET", "/v1/workers", {}, None, is_repeatable=True)
         return response
 
 
@@ -1847,6 +1872,7 @@ class AsyncOperations:
         self.episodes = AsyncEpisodes(send)
         self.evaluations = AsyncEvaluations(send)
         self.failures = AsyncFailures(send)
+        self.health = AsyncHealth(send)
         self.leases = AsyncLeases(send)
         self.mastery = AsyncMastery(send)
         self.results = AsyncResults(send)

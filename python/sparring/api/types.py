@@ -711,8 +711,10 @@ HarderDirection: TypeAlias = Literal["up", "down"]
 class Health(TypedDict):
     """Health of the server."""
 
+    reason: NotRequired[str | None]
+    """Why the server is degraded."""
     status: str
-    """Always `ok`; a failure is a problem."""
+    """`ok`, or `degraded` if the server serves without the workers that it is configured for. A failure is a problem."""
 
 
 class InertialSectorCounts(TypedDict):
@@ -724,6 +726,27 @@ class InertialSectorCounts(TypedDict):
     """Number of the sector, from 0."""
     weight: float
     """Sum of the weights of these failures."""
+
+
+class JobCounters(TypedDict):
+    """Counters of jobs since the start of the server."""
+
+    bytes_received: int
+    """Bytes of the results that were received."""
+    bytes_sent: int
+    """Bytes of the jobs that were sent."""
+    done_locally: int
+    """Number of jobs that the server did itself; 0 without `--nats`."""
+    done_remotely: int
+    """Number of jobs whose results came from workers."""
+    ignored_results: int
+    """Number of results that were ignored: late, repeated, or of an expelled worker."""
+    sent: int
+    """Number of jobs that the server sent to workers."""
+    taken_back: int
+    """Number of jobs that were sent, and that the server then did itself."""
+    verified: int
+    """Number of results that the server recomputed to verify workers."""
 
 
 class JudgeAssessment(TypedDict):
@@ -1046,6 +1069,10 @@ RefusalCode: TypeAlias = Literal[
     "not_begun",
 ]
 """Reason why a reported episode is refused."""
+
+
+RemoteWorkerState: TypeAlias = Literal["active", "stalled", "refused", "expelled"]
+"""State of a worker on another machine."""
 
 
 ReplayAvailability: TypeAlias = Literal["available", "expired", "none"]
@@ -2342,6 +2369,52 @@ class PolicyVersionPage(TypedDict):
     """Cursor of the next page; null on the last page."""
     versions: list[PolicyVersion]
     """Versions of the page, newest first."""
+
+
+class RemoteWorker(TypedDict):
+    """Worker on another machine."""
+
+    active_jobs: int
+    """Number of jobs that the worker does now."""
+    concurrency: int
+    """Number of jobs that the worker does at once."""
+    errors: int
+    """Number of jobs that failed, or whose results were wrong."""
+    host: str
+    """Name of the worker's host, or the name that its operator gave it."""
+    id: str
+    """Id of the worker's process."""
+    jobs: int
+    """Number of jobs whose results the server accepted."""
+    jobs_per_s: float
+    """Accepted jobs a second, over about ten seconds."""
+    kinds: list[str]
+    """Kinds of jobs that the worker takes: `prepare`, `audit`, `critique`."""
+    last_seen_s: float
+    """Time since the worker's last heartbeat, in seconds."""
+    reason: NotRequired[str | None]
+    """Why the worker was refused or expelled."""
+    state: RemoteWorkerState
+    """State of the worker."""
+    verified: int
+    """Number of results that the server recomputed, and that were equal."""
+    version: str
+    """Version of the worker's program."""
+    world: str
+    """Version of the worlds that the worker computes. It must be that of the server."""
+
+
+class RemoteWorkerList(TypedDict):
+    """Workers of the server, and what they do."""
+
+    counters: JobCounters
+    """Counters since the start of the server."""
+    degraded: NotRequired[str | None]
+    """Why the server does all jobs itself although it was started with `--nats`."""
+    distributed: bool
+    """True if the server was started with `--nats`, so that workers on other machines can do its jobs."""
+    workers: list[RemoteWorker]
+    """Workers by id. A worker that ended is not in the list."""
 
 
 class ResultsRequest(TypedDict):

@@ -15,7 +15,7 @@ use curriculum::{
 use env_core::admission::{is_contested, is_success};
 use env_core::log::Precision;
 use env_core::{Bracket, Scenario, SeedSpace, SuccessRule, rollout};
-use orchestrator::leases::prepare::{DrawContext, SeedSource, prepare, unsolvable::UnsolvableParams};
+use jobs::prepare::{DrawContext, SeedSource, prepare, unsolvable::UnsolvableParams};
 
 use crate::demo::designs::Designs;
 use crate::demo::feed::{Feed, FinishedEpisode};

@@ -6,15 +6,14 @@ use std::sync::Arc;
 use env_core::{SeedSpace, rollout};
 use store::failures::CellKey;
 
-use super::{EnqueueJobs, RUN, ReadProfile, open};
-use crate::critiques::criticise::criticise;
+use super::{EnqueueJobs, RUN, ReadProfile, criticise, open};
 use crate::critiques::critique_input::{CritiqueEpisode, CritiqueInput, SelectedEpisode};
 use crate::critiques::store_critiques::StoreCritiques;
 use crate::designs::profile::CollectedProfile;
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
-use crate::leases::seeds::seed_of;
+use jobs::seeds::seed_of;
 
 /// The task of the criticised episodes.
 pub(super) const TASK: &str = "tasking/scanning";

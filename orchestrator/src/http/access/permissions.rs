@@ -113,6 +113,7 @@ const OPERATIONS: &[Operation] = &[
     read("/metrics"),
     read("/v1/tasks"),
     read("/v1/strategies"),
+    read("/v1/workers"),
     read("/v1/evaluations"),
     read("/v1/evaluations/compare"),
     read("/v1/evaluations/{evaluation}"),

@@ -16,7 +16,7 @@ use store::ids::{EpisodeId, LeaseId, RunId};
 
 use super::episode_critique::action_verdict;
 use super::tasks::sector_quantity;
-use crate::critiques::profile::{HALF_LIFE, VERDICTS, total_weight};
+use crate::critiques::profile::{HALF_LIFE, total_weight};
 use crate::critiques::sampling;
 use crate::designs::profile::{CollectedProfile, WeightedCell};
 use crate::http::extract::{Path, Query};
@@ -25,6 +25,7 @@ use crate::http::problem::Problem;
 use crate::http::run_reader::find_run_tasks;
 use crate::http::state::AppState;
 use clock::rfc3339;
+use jobs::critique::VERDICTS;
 
 /// Backlog of the critique with this number of waiting episodes.
 fn backlog(waiting: i64) -> CritiqueBacklog {

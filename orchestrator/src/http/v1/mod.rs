@@ -46,6 +46,7 @@ pub(super) mod time_window;
 mod trainer_metrics;
 mod trainers;
 mod trajectories;
+mod workers;
 
 use axum::Extension;
 use utoipa_axum::router::OpenApiRouter;
@@ -114,6 +115,7 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(alerts::list_alerts))
         .routes(routes!(server_health::get_server_health))
         .routes(routes!(audit_log::list_audit_log))
+        .routes(routes!(workers::list_workers))
 }
 
 /// Routes of the progress of a run: mastery, samplers, series and metrics.

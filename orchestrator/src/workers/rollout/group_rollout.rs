@@ -16,6 +16,7 @@ use crate::engine::error::ServiceError;
 use crate::leases::renew::RenewLease;
 use crate::metrics;
 use crate::ownership::Actor;
+use crate::results::audit::CompletedAudit;
 use crate::results::report::StoreResults;
 use crate::rollouts::group_record::GroupRecord;
 use crate::rollouts::push::{ModelUsage, PushGroup};
@@ -81,7 +82,8 @@ impl RolloutWorker {
         let lost = outcomes.iter().filter(|outcome| outcome.episode.is_err()).count();
         let finished = outcomes.len() - lost;
         let usage = self.usage(&outcomes);
-        let report = self.lease_service.replay_results(&group.run, group.to_reports(&outcomes)?).await?;
+        let audit = self.lease_service.replay_results(&group.run, group.to_reports(&outcomes)?).await?;
+        let CompletedAudit { report, receipt } = audit;
         let (run, lease) = (group.run.clone(), group.lease.clone());
         let policy_version = group.policy.version;
         let audited = report.episodes.clone();
@@ -109,6 +111,7 @@ impl RolloutWorker {
                 }
                 pushed => {
                     pushed?;
+                    receipt.acknowledge();
                     return Ok(finished);
                 }
             }

@@ -2,7 +2,7 @@
 
 use env_core::admission;
 
-use crate::leases::prepare::PreparedScenario;
+use crate::prepare::PreparedScenario;
 
 /// A choice in progress.
 pub(crate) struct ScenarioChoice {

@@ -1,13 +1,13 @@
 //! Turns proposals into scenarios with brackets, ready to be leased.
 //!
 //! [`prepare`] draws scenarios until one is as proposed, and plants a threat if no contested one comes up. It is a pure function of
-//! (run seed, sequence number, proposal): the result does not depend on the worker, the time or the number of tries. `origin` has
-//! proposals that derive from an earlier scenario, `choice` those that choose among several, [`unsolvable`] the cache of params under
-//! which no scenario is solvable, and [`store_prepared`] the change that stores results. The worker is `workers::prepare`.
+//! (run seed, sequence number, proposal): the result does not depend on the worker, the time or the number of tries.
+//! `parent_scenario` has proposals that derive from an earlier scenario, `scenario_choice` those that choose among several,
+//! [`unsolvable`] the cache of params under which no scenario is solvable, and [`job`] the payload of a job.
 
-mod choice;
-mod origin;
-pub mod store_prepared;
+pub mod job;
+mod parent_scenario;
+mod scenario_choice;
 pub mod unsolvable;
 
 use std::sync::Arc;
@@ -16,10 +16,10 @@ use env_core::admission;
 use env_core::bracket::Bracket;
 use env_core::{Recipe, Scenario, ScenarioError, Seed, SeedSpace};
 
-use self::choice::ScenarioChoice;
-pub use self::origin::ParentScenario;
+pub use self::parent_scenario::ParentScenario;
+use self::scenario_choice::ScenarioChoice;
 use self::unsolvable::{IsWanted, UnsolvableParams};
-use crate::leases::seeds::seed_of;
+use crate::seeds::seed_of;
 use curriculum::{Proposal, ScenarioSource};
 
 /// Maximum number of draws for a contested scenario, before a threat is planted.
@@ -30,7 +30,7 @@ const PLANT_DRAWS: u64 = 4;
 const FAIR_DRAWS: u64 = 64;
 
 /// A scenario that is ready to be leased.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct PreparedScenario {
     /// The scenario, with its seed.
     pub scenario: Scenario,

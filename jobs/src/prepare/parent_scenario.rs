@@ -9,7 +9,7 @@ use env_core::keyed_rng::RngPurpose;
 use env_core::space::Levels;
 use env_core::{KeyedRng, Scenario};
 
-use crate::leases::prepare::{PrepareError, PreparedScenario, SeedSource, recipe_of};
+use crate::prepare::{PrepareError, PreparedScenario, SeedSource, recipe_of};
 use curriculum::Proposal;
 
 /// Maximum number of edits that are tried until one is fair and solvable.

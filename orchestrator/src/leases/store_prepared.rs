@@ -9,8 +9,8 @@ use store::proposals::{self, PreparedProposal, ProposalKey};
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::write_tx::WriteTx;
-use crate::leases::prepare::PreparedScenario;
 use crate::leases::refill;
+use jobs::prepare::PreparedScenario;
 
 /// Stores scenarios with their brackets, each once.
 pub(crate) async fn store_scenarios(

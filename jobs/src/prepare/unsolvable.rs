@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use env_core::admission;
 use env_core::{Recipe, RecipeId, Scenario, SeedSpace};
 
-use crate::leases::seeds::seed_of;
+use crate::seeds::seed_of;
 
 /// Draws of which none may be solvable for params to count as unsolvable.
 const UNSOLVABLE_DRAWS: u64 = 40;
@@ -14,7 +14,7 @@ const UNSOLVABLE_DRAWS: u64 = 40;
 const MAX_CACHED_RECIPES: usize = 10_000;
 
 /// Returns false once a result is not wanted any more.
-pub type IsWanted<'a> = &'a dyn Fn() -> bool;
+pub type IsWanted<'a> = &'a (dyn Fn() -> bool + Sync);
 
 /// Params under which no scenario is solvable. A contested scenario must be solvable, and planting threats makes nothing easier, so
 /// no contested one is drawn under them. The answer is a pure function of the recipe, cached because it takes many brackets.

@@ -1,0 +1,75 @@
+//! Connections to NATS, for servers and workers.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use async_nats::{Client, ConnectOptions, Event};
+use tokio::sync::watch;
+
+use super::names::ClusterName;
+
+/// Time that connecting may take.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// How to reach NATS.
+#[derive(Debug, Clone)]
+pub struct NatsConfig {
+    /// URL of a NATS server, or several with commas between them.
+    pub url: String,
+    /// File with the credentials of a NATS account, if the server requires one.
+    pub credentials: Option<PathBuf>,
+    /// Name under which servers and workers find each other.
+    pub cluster: ClusterName,
+}
+
+/// Reason why NATS cannot be used.
+#[derive(Debug, Clone, thiserror::Error)]
+#[error("{0}")]
+pub struct NatsError(pub(crate) String);
+
+impl NatsError {
+    /// Describes a failed step.
+    pub(crate) fn new(step: &str, error: impl std::fmt::Display) -> Self {
+        Self(format!("{step}: {error}"))
+    }
+}
+
+/// An open connection. It ends with the first interruption; its owner then opens a new one.
+pub(crate) struct Connection {
+    pub(crate) client: Client,
+    /// True after the connection was interrupted.
+    interrupted: watch::Receiver<bool>,
+}
+
+impl Connection {
+    /// Connects. `role` is shown in the lists of the NATS server.
+    pub(crate) async fn open(config: &NatsConfig, role: &str) -> Result<Self, NatsError> {
+        let (sender, interrupted) = watch::channel(false);
+        let options = ConnectOptions::new().name(role).connection_timeout(CONNECT_TIMEOUT).event_callback(
+            move |event| {
+                let sender = sender.clone();
+                async move {
+                    if matches!(event, Event::Disconnected | Event::Closed) {
+                        sender.send_replace(true);
+                    }
+                }
+            },
+        );
+        let options = match &config.credentials {
+            None => options,
+            Some(file) => options.credentials_file(file).await.map_err(|error| {
+                NatsError(format!("the credentials {} cannot be read: {error}", file.display()))
+            })?,
+        };
+        let addresses: Vec<&str> = config.url.split(',').map(str::trim).collect();
+        let client = options.connect(addresses).await;
+        let client = client.map_err(|error| NatsError::new("NATS cannot be reached", error))?;
+        Ok(Self { client, interrupted })
+    }
+
+    /// Waits until the connection is interrupted.
+    pub(crate) async fn interrupted(&mut self) {
+        // An error means that the client is gone, which is an interruption too.
+        let _ = self.interrupted.wait_for(|interrupted| *interrupted).await;
+    }
+}

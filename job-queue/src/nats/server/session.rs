@@ -1,0 +1,169 @@
+//! Connection of a server to NATS: opened again after each interruption, with everything that depends on it.
+
+use std::convert::Infallible;
+use std::sync::Arc;
+use std::time::Duration;
+
+use async_nats::jetstream::message::Acker;
+use async_nats::jetstream::{self, Message};
+use async_nats::{Client, Message as CoreMessage};
+use futures_util::StreamExt;
+use jobs::envelope::ResultEnvelope;
+use tokio::sync::mpsc::UnboundedReceiver;
+
+use super::pending::RemoteReply;
+use super::registry::HeartbeatReaction;
+use super::{Link, Publisher, Shared, redacted};
+use crate::nats::connection::{Connection, NatsError};
+use crate::nats::membership::{self, Heartbeat};
+use crate::nats::names::last_word;
+use crate::nats::streams::{self, JobStreams};
+use crate::status::QueueNotice;
+
+/// Pause before the next attempt to connect.
+const RETRY_PAUSE: Duration = Duration::from_secs(1);
+/// Interval between two searches for lost jobs and stalled workers.
+const TICK: Duration = Duration::from_millis(500);
+/// Largest heartbeat of a worker, in bytes.
+const MAX_HEARTBEAT_BYTES: usize = 64 * 1024;
+
+/// Connects again and again, until the queue is dropped. `due` has the results to acknowledge.
+pub(super) async fn run(shared: Arc<Shared>, mut due: UnboundedReceiver<Acker>) {
+    let mut announced = None;
+    loop {
+        let Err(error) = serve(&shared, &mut due, &mut announced).await;
+        let reason = format!("NATS at {} is away: {error}", redacted(&shared.config.nats.url));
+        *shared.link.lock() = Link::Down(reason);
+        shared.registry.lock().stall_all();
+        shared.pending.take_all_back();
+        announce(&shared, &mut announced);
+        tokio::time::sleep(RETRY_PAUSE).await;
+    }
+}
+
+/// Announces a change of the degradation.
+fn announce(shared: &Shared, announced: &mut Option<Option<String>>) {
+    let degraded = shared.degraded();
+    let is_new = match (&*announced, &degraded) {
+        (None, None) | (Some(None), None) => false,
+        (Some(Some(_)), Some(_)) => false,
+        _ => true,
+    };
+    if is_new {
+        shared.notify(match &degraded {
+            Some(reason) => QueueNotice::Degraded(reason.clone()),
+            None => QueueNotice::Restored,
+        });
+    }
+    *announced = Some(degraded);
+}
+
+/// Serves one connection until it is interrupted.
+async fn serve(
+    shared: &Arc<Shared>,
+    due: &mut UnboundedReceiver<Acker>,
+    announced: &mut Option<Option<String>>,
+) -> Result<Infallible, NatsError> {
+    let cluster = &shared.config.nats.cluster;
+    let mut connection = Connection::open(&shared.config.nats, "sparring serve").await?;
+    let client = connection.client.clone();
+    let context = jetstream::new(client.clone());
+    let JobStreams { jobs, results } = streams::create(&context, cluster).await?;
+    // Jobs of earlier connections were taken back.
+    let purged = jobs.purge().filter(cluster.jobs_of_server(&shared.config.server)).await;
+    purged.map_err(|error| NatsError::new("old jobs cannot be deleted", error))?;
+    let consumer = streams::results_consumer(&results, cluster, &shared.config.server).await?;
+    let results = consumer.messages().await;
+    let mut results = results.map_err(|error| NatsError::new("results cannot be read", error))?;
+    let heartbeats = client.subscribe(cluster.all_heartbeats()).await;
+    let mut heartbeats = heartbeats.map_err(|error| NatsError::new("heartbeats cannot be read", error))?;
+    *shared.link.lock() = Link::Up(Publisher { context, jobs: jobs.clone() });
+    tracing::info!(url = redacted(&shared.config.nats.url), cluster = %cluster, "Connected to NATS.");
+    let mut ticks = tokio::time::interval(TICK);
+    loop {
+        tokio::select! {
+            () = connection.interrupted() => return Err(NatsError("the connection was interrupted".to_owned())),
+            message = results.next() => match message {
+                Some(Ok(message)) => shared.take_message(message),
+                Some(Err(error)) => return Err(NatsError::new("results cannot be read", error)),
+                None => return Err(NatsError("the stream of results ended".to_owned())),
+            },
+            message = heartbeats.next() => match message {
+                Some(message) => shared.take_heartbeat(&client, &message).await,
+                None => return Err(NatsError("the heartbeats ended".to_owned())),
+            },
+            Some(acker) = due.recv() => {
+                // A result whose acknowledgement is lost is delivered again, and ignored.
+                let _ = acker.ack().await;
+            }
+            _ = ticks.tick() => {
+                shared.tick();
+                announce(shared, announced);
+            }
+        }
+    }
+}
+
+impl Shared {
+    /// Passes a result to its job, or ignores it.
+    fn take_message(&self, message: Message) {
+        let (message, acker) = message.split();
+        let worker = last_word(&message.subject).to_owned();
+        match ResultEnvelope::read(&message.payload) {
+            Ok(envelope) => {
+                if let Err(late) = self.pending.complete(RemoteReply { worker, envelope, acker }) {
+                    self.count(|counters| counters.ignored_results += 1);
+                    self.acknowledge(late.acker);
+                }
+            }
+            Err(error) => {
+                tracing::warn!(worker, error = %error, "A result cannot be read and is ignored.");
+                self.registry.lock().count_error(&worker);
+                self.count(|counters| counters.ignored_results += 1);
+                self.acknowledge(acker);
+            }
+        }
+    }
+
+    /// Notes a heartbeat, and answers the worker.
+    async fn take_heartbeat(&self, client: &Client, message: &CoreMessage) {
+        if message.payload.len() > MAX_HEARTBEAT_BYTES {
+            return;
+        }
+        let Some(heartbeat) = membership::read::<Heartbeat>(&message.payload) else { return };
+        // A worker may publish under its own id only, where the permissions of NATS say so.
+        if heartbeat.id != last_word(&message.subject) {
+            return;
+        }
+        let subject = self.config.nats.cluster.control(&heartbeat.id);
+        let HeartbeatReaction { answer, notice } = self.registry.lock().note_heartbeat(heartbeat);
+        if let Some(notice) = notice {
+            self.notify(notice);
+        }
+        if let Some(answer) = answer {
+            // A lost answer is repeated with the next heartbeat.
+            let _ = client.publish(subject, membership::write(&answer).into()).await;
+        }
+    }
+
+    /// Takes lost jobs back, and finds stalled workers.
+    fn tick(self: &Arc<Self>) {
+        let (notices, served, active) = {
+            let mut registry = self.registry.lock();
+            let notices = registry.tick(TICK);
+            (notices, registry.served_kinds(), registry.active_jobs())
+        };
+        notices.into_iter().for_each(|notice| self.notify(notice));
+        let sequences = self.pending.take_back(&served, &active, self.config.patience);
+        let publisher = match &*self.link.lock() {
+            Link::Up(publisher) if !sequences.is_empty() => publisher.clone(),
+            _ => return,
+        };
+        tokio::spawn(async move {
+            for sequence in sequences {
+                // A worker may have acknowledged it meanwhile.
+                let _ = publisher.jobs.delete_message(sequence).await;
+            }
+        });
+    }
+}

@@ -1,0 +1,260 @@
+//! Worker side: takes jobs from NATS, does them on threads of this process, and sends the results back.
+//!
+//! A worker takes jobs only after a server has welcomed it. It ends with an error if a server refuses or expels it, and connects again
+//! by itself if NATS is away. `takers` has the loops that take jobs, `job_run` does one job.
+
+mod job_run;
+mod takers;
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::time::Duration;
+
+use async_nats::{Client, jetstream};
+use futures_util::StreamExt;
+use jobs::JobKind;
+use jobs::envelope::JobId;
+use jobs::prepare::unsolvable::UnsolvableParams;
+use jobs::world_version::world_version;
+use parking_lot::Mutex;
+use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
+use tokio::sync::{Semaphore, watch};
+use tokio::task::JoinSet;
+
+use super::connection::{Connection, NatsConfig, NatsError};
+use super::membership::{self, ControlMessage, Heartbeat};
+use super::names::subject_word;
+
+/// Interval between two heartbeats.
+const HEARTBEAT_INTERVAL: Duration = Duration::from_secs(1);
+/// Pause before the next attempt to connect.
+const RETRY_PAUSE: Duration = Duration::from_secs(1);
+/// Heartbeats without an answer after which the worker logs that it waits.
+const SILENT_HEARTBEATS: u32 = 10;
+/// Time that running jobs have to finish when the worker stops.
+const STOP_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// Configuration of a worker.
+#[derive(Debug, Clone)]
+pub struct WorkerConfig {
+    /// How to reach NATS.
+    pub nats: NatsConfig,
+    /// Name of the host, by which operators find the worker.
+    pub host: String,
+    /// Kinds of jobs to take.
+    pub kinds: BTreeSet<JobKind>,
+    /// Number of jobs to do at once.
+    pub concurrency: usize,
+}
+
+/// Reason why a worker ends.
+#[derive(Debug, thiserror::Error)]
+pub enum WorkerError {
+    /// A server refuses the worker, for example because it computes other worlds.
+    #[error("the server refused this worker: {0}")]
+    Refused(String),
+    /// A server expelled the worker.
+    #[error(
+        "the server expelled this worker: {0}; check the memory and the processor of this machine, and that it runs the same version as the server"
+    )]
+    Expelled(String),
+    /// The system cannot create the threads.
+    #[error("the threads of the worker cannot be started: {0}")]
+    Threads(#[from] ThreadPoolBuildError),
+}
+
+/// A worker process, across connections.
+#[derive(Debug)]
+pub(super) struct WorkerProcess {
+    config: WorkerConfig,
+    /// Id of the process: the host's name with random digits.
+    id: String,
+    world: &'static str,
+    pool: ThreadPool,
+    unsolvable: UnsolvableParams,
+    /// Jobs that the worker holds.
+    active: Mutex<BTreeSet<JobId>>,
+    /// One permit for each job that may run.
+    permits: Arc<Semaphore>,
+}
+
+/// Runs a worker until `stop` becomes true.
+///
+/// # Errors
+/// Returns [`WorkerError`] if a server refuses or expels the worker, or if the threads cannot be started. While NATS is away, or no
+/// server answers, the worker waits.
+pub async fn run(config: WorkerConfig, stop: watch::Receiver<bool>) -> Result<(), WorkerError> {
+    let world = tokio::task::spawn_blocking(world_version).await.unwrap_or_default();
+    run_in_world(config, stop, world).await
+}
+
+/// Runs a worker with a world version.
+pub(super) async fn run_in_world(
+    config: WorkerConfig,
+    mut stop: watch::Receiver<bool>,
+    world: &'static str,
+) -> Result<(), WorkerError> {
+    let concurrency = config.concurrency.max(1);
+    let pool = ThreadPoolBuilder::new()
+        .num_threads(concurrency)
+        .thread_name(|i| format!("job-{i}"))
+        .start_handler(|_| lower_priority())
+        .build()?;
+    let id = format!("{}-{:06x}", subject_word(&config.host), rand::random::<u32>() & 0x00ff_ffff);
+    let permits = Arc::new(Semaphore::new(concurrency));
+    let (unsolvable, active) = (UnsolvableParams::default(), Mutex::default());
+    let state = Arc::new(WorkerProcess { config, id, world, pool, unsolvable, active, permits });
+    tracing::info!(id = state.id, world, concurrency, "The worker started.");
+    let mut is_away = false;
+    loop {
+        match serve(&state, &mut stop, &mut is_away).await {
+            Ok(()) => return Ok(()),
+            Err(SessionEnd::Rejected(error)) => return Err(error),
+            Err(SessionEnd::Interrupted(error)) => {
+                // It is logged once for each interruption.
+                if !std::mem::replace(&mut is_away, true) {
+                    tracing::warn!(error = %error, "NATS is away; the worker connects again.");
+                }
+            }
+        }
+        tokio::select! {
+            () = tokio::time::sleep(RETRY_PAUSE) => {}
+            () = stopped(&mut stop) => return Ok(()),
+        }
+    }
+}
+
+/// Reason why a connection ended before the worker was stopped.
+enum SessionEnd {
+    /// The worker may not go on.
+    Rejected(WorkerError),
+    /// The worker connects again.
+    Interrupted(NatsError),
+}
+
+impl From<NatsError> for SessionEnd {
+    fn from(error: NatsError) -> Self {
+        Self::Interrupted(error)
+    }
+}
+
+/// Serves one connection until the worker is stopped.
+async fn serve(
+    state: &Arc<WorkerProcess>,
+    stop: &mut watch::Receiver<bool>,
+    is_away: &mut bool,
+) -> Result<(), SessionEnd> {
+    let mut connection = tokio::select! {
+        connection = Connection::open(&state.config.nats, "sparring worker") => connection?,
+        () = stopped(stop) => return Ok(()),
+    };
+    *is_away = false;
+    let client = connection.client.clone();
+    let cluster = &state.config.nats.cluster;
+    let control = client.subscribe(cluster.control(&state.id)).await;
+    let mut control = control.map_err(|error| NatsError::new("answers cannot be read", error))?;
+    let context = jetstream::new(client.clone());
+    let mut takers = JoinSet::new();
+    let mut ticks = tokio::time::interval(HEARTBEAT_INTERVAL);
+    let mut silent = 0;
+    loop {
+        tokio::select! {
+            () = connection.interrupted() => {
+                return Err(NatsError("the connection was interrupted".to_owned()).into());
+            }
+            message = control.next() => {
+                let Some(message) = message else { return Err(NatsError("the answers ended".to_owned()).into()) };
+                match membership::read::<ControlMessage>(&message.payload) {
+                    Some(ControlMessage::Welcome { server }) => {
+                        silent = 0;
+                        if takers.is_empty() {
+                            tracing::info!(server, cluster = %cluster, "The worker takes jobs.");
+                            takers::spawn(state, &context, &mut takers);
+                        }
+                    }
+                    Some(ControlMessage::Refused { reason }) => {
+                        return Err(SessionEnd::Rejected(WorkerError::Refused(reason)));
+                    }
+                    Some(ControlMessage::Expelled { reason }) => {
+                        return Err(SessionEnd::Rejected(WorkerError::Expelled(reason)));
+                    }
+                    None => tracing::debug!("An answer of a server cannot be read and is ignored."),
+                }
+            }
+            _ = ticks.tick() => {
+                let phase = if takers.is_empty() { WorkerPhase::Waiting } else { WorkerPhase::Working };
+                send_heartbeat(state, &client, phase).await?;
+                silent += 1;
+                if takers.is_empty() && silent % SILENT_HEARTBEATS == 0 {
+                    tracing::warn!(cluster = %cluster, "No server answers yet; the worker waits.");
+                }
+            }
+            Some(ended) = takers.join_next() => {
+                // The server creates the consumers; they are missing for a moment after NATS lost its data.
+                let reason = ended.map_or_else(|error| error.to_string(), |error| error.to_string());
+                return Err(NatsError(reason).into());
+            }
+            () = stopped(stop) => {
+                takers.shutdown().await;
+                finish_jobs(state).await;
+                // A server that misses it notices the missing heartbeats.
+                let _ = send_heartbeat(state, &client, WorkerPhase::Leaving).await;
+                let _ = client.flush().await;
+                return Ok(());
+            }
+        }
+    }
+}
+
+/// Waits until the worker is to stop.
+async fn stopped(stop: &mut watch::Receiver<bool>) {
+    // An error means that the sender is gone, which stops the worker too.
+    let _ = stop.wait_for(|stop| *stop).await;
+}
+
+/// Waits until the running jobs are done, at most for [`STOP_TIMEOUT`]. Unfinished ones are delivered to other workers.
+async fn finish_jobs(state: &WorkerProcess) {
+    let finished = async {
+        while !state.active.lock().is_empty() {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    };
+    let _ = tokio::time::timeout(STOP_TIMEOUT, finished).await;
+}
+
+/// Phase of a worker's connection, which its heartbeats tell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum WorkerPhase {
+    /// No server has welcomed the worker yet.
+    Waiting,
+    /// The worker takes jobs.
+    Working,
+    /// The worker ends after its running jobs.
+    Leaving,
+}
+
+async fn send_heartbeat(state: &WorkerProcess, client: &Client, phase: WorkerPhase) -> Result<(), NatsError> {
+    let WorkerProcess { config, id, world, active, .. } = state;
+    let heartbeat = Heartbeat {
+        id: id.clone(),
+        host: config.host.clone(),
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        world: (*world).to_owned(),
+        kinds: config.kinds.iter().map(ToString::to_string).collect(),
+        concurrency: u32::try_from(config.concurrency.max(1)).unwrap_or(u32::MAX),
+        active: active.lock().iter().copied().collect(),
+        is_waiting: phase == WorkerPhase::Waiting,
+        is_leaving: phase == WorkerPhase::Leaving,
+    };
+    let subject = config.nats.cluster.heartbeats(id);
+    let sent = client.publish(subject, membership::write(&heartbeat).into()).await;
+    sent.map_err(|error| NatsError::new("a heartbeat cannot be sent", error))
+}
+
+/// Lowers the priority of the current thread: other programs of the machine come first.
+fn lower_priority() {
+    #[cfg(target_os = "linux")]
+    if let Err(error) = rustix::process::nice(5) {
+        tracing::debug!(error = %error, "The priority of a thread could not be lowered.");
+    }
+}

@@ -1,0 +1,55 @@
+//! Kinds of jobs, with their names.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+/// Kind of a job.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum JobKind {
+    /// Draws the scenarios of proposals.
+    Prepare,
+    /// Replays reported episodes, and computes brackets.
+    Audit,
+    /// Criticises episodes that were replayed.
+    Critique,
+}
+
+/// A word that names no kind of jobs.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("the kind of a job must be prepare, audit or critique, got `{0}`")]
+pub struct UnknownJobKind(pub String);
+
+impl JobKind {
+    /// All kinds, in the order of their declaration.
+    pub const ALL: [Self; 3] = [Self::Prepare, Self::Audit, Self::Critique];
+
+    /// The word for subjects, options and metrics.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Prepare => "prepare",
+            Self::Audit => "audit",
+            Self::Critique => "critique",
+        }
+    }
+}
+
+impl fmt::Display for JobKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.as_str())
+    }
+}
+
+impl FromStr for JobKind {
+    type Err = UnknownJobKind;
+
+    fn from_str(word: &str) -> Result<Self, UnknownJobKind> {
+        Self::ALL
+            .into_iter()
+            .find(|kind| kind.as_str() == word)
+            .ok_or_else(|| UnknownJobKind(word.to_owned()))
+    }
+}

@@ -1,0 +1,122 @@
+//! Announces the workers on other machines: in the log, and as warnings of the active runs.
+
+use job_queue::status::{QueueNotice, Recomputation, WorkerIdentity, WrongResult};
+use jobs::audit::{AuditOutput, AuditPayload};
+use jobs::{JobOutput, JobPayload};
+use sqlx::SqlitePool;
+use store::runs;
+use tokio::sync::mpsc::UnboundedReceiver;
+
+use crate::engine::change::Change;
+use crate::engine::error::ServiceError;
+use crate::engine::event::RunEvent;
+use crate::engine::write_tx::WriteTx;
+use crate::engine::writer::Writer;
+use crate::results::correct_results::{CorrectResults, ServerReplay};
+use crate::workers::round_error::ends_worker;
+
+/// Runs until the queue ends.
+pub(super) async fn run(readers: SqlitePool, writer: Writer, mut notices: UnboundedReceiver<QueueNotice>) {
+    while let Some(notice) = notices.recv().await {
+        let message = describe(&notice);
+        log(&notice, &message);
+        let announced = announce(&readers, &writer, message).await;
+        let handled = match notice {
+            QueueNotice::Recomputed(Recomputation { wrong, .. }) => {
+                correct(&writer, wrong).await.and(announced)
+            }
+            _ => announced,
+        };
+        match handled {
+            Ok(()) => {}
+            Err(error) if ends_worker(&error, "a worker could not be announced") => return,
+            Err(_) => {} // the log has it
+        }
+    }
+}
+
+fn log(notice: &QueueNotice, message: &str) {
+    match notice {
+        QueueNotice::Expelled(..) => tracing::error!("{message}"),
+        QueueNotice::Recomputed(Recomputation { wrong, .. }) if !wrong.is_empty() => {
+            tracing::error!("{message}")
+        }
+        QueueNotice::Stalled(_) | QueueNotice::Refused(..) | QueueNotice::Degraded(_) => {
+            tracing::warn!("{message}");
+        }
+        _ => tracing::info!("{message}"),
+    }
+}
+
+/// Describes a notice in one or two sentences.
+fn describe(notice: &QueueNotice) -> String {
+    let name = |WorkerIdentity { id, host }: &WorkerIdentity| format!("Worker {id} on {host}");
+    match notice {
+        QueueNotice::Joined(worker) => format!("{} joined.", name(worker)),
+        QueueNotice::Stalled(worker) => {
+            format!("{} sends no heartbeats; its jobs go to other workers.", name(worker))
+        }
+        QueueNotice::Left(worker) => format!("{} left.", name(worker)),
+        QueueNotice::Refused(worker, reason) => format!("{} was refused: {reason}.", name(worker)),
+        QueueNotice::Expelled(worker, reason) => format!(
+            "{} was expelled with its host: {reason}. The server recomputes its results since the last that was verified.",
+            name(worker)
+        ),
+        QueueNotice::Recomputed(Recomputation { worker, items, wrong }) => {
+            let wrong = wrong.len();
+            format!("{}: the server recomputed {items} results, of which {wrong} were wrong.", name(worker))
+        }
+        QueueNotice::Degraded(reason) => format!("Workers do no jobs: {reason}."),
+        QueueNotice::Restored => "Workers do jobs again.".to_owned(),
+    }
+}
+
+/// Corrects the episodes of wrong replays. Wrong scenarios and critiques stay: only their number is known to the operator.
+async fn correct(writer: &Writer, wrong: Vec<WrongResult>) -> Result<(), ServiceError> {
+    let replays: Vec<ServerReplay> = wrong.into_iter().filter_map(server_replay).collect();
+    if replays.is_empty() {
+        return Ok(());
+    }
+    let corrected = writer.change(CorrectResults(replays)).await?;
+    tracing::warn!(corrected, "Stored results of an expelled worker were corrected.");
+    Ok(())
+}
+
+/// The replay of the server, if a wrong result is one of an episode that replays.
+fn server_replay(WrongResult { job, computed }: WrongResult) -> Option<ServerReplay> {
+    let JobPayload::Audit(AuditPayload::Replays(mut batch)) = job else { return None };
+    let JobOutput::Audit(AuditOutput::Replays(mut outcomes)) = computed else { return None };
+    let (episode, outcome) = (batch.0.pop()?, outcomes.pop()?.ok()?);
+    Some(ServerReplay { scenario: episode.scenario, log: (*episode.log).clone(), outcome })
+}
+
+/// Stores a message as a warning of every active run.
+async fn announce(readers: &SqlitePool, writer: &Writer, message: String) -> Result<(), ServiceError> {
+    let names = runs::names(&mut *readers.acquire().await?).await?;
+    let runs: Vec<String> = names.into_iter().filter(|run| !run.is_archived).map(|run| run.id).collect();
+    if runs.is_empty() {
+        return Ok(());
+    }
+    writer.change(AnnounceWorker { runs, message }).await
+}
+
+/// Stores a warning in runs.
+struct AnnounceWorker {
+    runs: Vec<String>,
+    message: String,
+}
+
+impl Change for AnnounceWorker {
+    type Output = ();
+    const IS_BULK: bool = true;
+
+    async fn apply(self, tx: &mut WriteTx) -> Result<(), ServiceError> {
+        for run in &self.runs {
+            // It may have been deleted meanwhile.
+            if runs::exists(&mut tx.conn, run).await? {
+                tx.emit(run, &RunEvent::Warning { task: None, message: &self.message })?;
+            }
+        }
+        Ok(())
+    }
+}
