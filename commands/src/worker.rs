@@ -21,8 +21,6 @@ Examples:
   sparring worker --nats nats://10.0.0.5:4222
   sparring worker --nats nats://10.0.0.5:4222 --jobs audit --concurrency 4")]
 pub struct Args {
-    #[command(flatten)]
-    nats: NatsArgs,
     /// Kinds of jobs to do, with commas between them
     #[arg(long, value_name = "KINDS", value_delimiter = ',', default_value = "prepare,audit,critique", value_parser = clap::value_parser!(JobKind))]
     jobs: Vec<JobKind>,
@@ -32,6 +30,8 @@ pub struct Args {
     /// Name of this machine in the list of workers [default: its host name]
     #[arg(long, value_name = "NAME")]
     host: Option<String>,
+    #[command(flatten)]
+    nats: NatsArgs,
 }
 
 /// Runs a worker until a signal stops it.
