@@ -69,6 +69,7 @@ test-prerequisites: check-python dashboard
 	scripts/python-venv
 	scripts/chromium
 	scripts/nginx
+	scripts/nats
 	@if [[ -n "$$SPARRING_TRAINERS" ]]; then scripts/sb3-venv; fi
 
 test-python: check-cargo check-clippy check-python ## Test the Python package, with the checkers of Gymnasium and PettingZoo, ruff and mypy

@@ -9,6 +9,8 @@ pub mod crash;
 pub mod faults;
 mod incomplete_post;
 pub mod mock_llm;
+#[path = "../../job-queue/src/testing.rs"]
+pub mod nats_server;
 mod polling;
 mod process;
 mod raw_socket;

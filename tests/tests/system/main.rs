@@ -36,6 +36,7 @@ mod play;
 mod policy_files;
 mod printed_commands;
 mod python_stubs;
+mod remote_workers;
 mod report;
 mod restart;
 mod retention;

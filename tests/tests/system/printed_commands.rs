@@ -18,7 +18,7 @@ use wiremock::{Mock, MockServer};
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
 /// Beginnings of lines that this test does not run, each with the reason.
-const NOT_RUN: [(&str, &str); 23] = [
+const NOT_RUN: [(&str, &str); 27] = [
     ("make ", "builds; `make test` is the command that runs this test"),
     (". .venv/bin/activate", "python/tests/test_docs.py makes and uses the environment"),
     ("python examples/first_trainer.py", "python/tests/test_docs.py runs the trainer of the README"),
@@ -41,6 +41,10 @@ const NOT_RUN: [(&str, &str); 23] = [
     ("head$ ", "needs several machines; python/tests/heavy runs the example on one"),
     ("all$ ", "needs several machines"),
     ("other$ ", "needs several machines"),
+    ("nats-server ", "tests/tests/system/remote_workers runs one in a temporary folder"),
+    ("sparring serve --nats ", "tests/tests/system/remote_workers runs the command on a free port"),
+    ("sparring worker --nats ", "tests/tests/system/remote_workers runs the command"),
+    ("sparring workers", "tests/tests/system/remote_workers runs the command"),
     ("llama-server ", "needs a model; `make test-llm` runs one"),
 ];
 
