@@ -10,7 +10,7 @@ pub mod nats;
 pub mod queue;
 pub mod status;
 #[cfg(test)]
-mod testing;
+pub mod testing;
 
 pub use self::local::{LocalQueue, QueuePools};
 pub use self::queue::{CompletedJob, JobError, JobQueue, Receipt};

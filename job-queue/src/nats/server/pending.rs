@@ -88,8 +88,10 @@ impl PendingJobs {
     pub(super) fn complete(&self, reply: RemoteReply) -> Result<(), RemoteReply> {
         let id = reply.envelope.id;
         let mut jobs = self.jobs.lock();
+        // A stale reply leaves the job as it is.
         let is_current = jobs.get(&id).is_some_and(|job| job.token == reply.envelope.token);
-        let Some(job) = jobs.remove(&id).filter(|_| is_current) else { return Err(reply) };
+        let current = if is_current { jobs.remove(&id) } else { None };
+        let Some(job) = current else { return Err(reply) };
         match job.end.send(RemoteEnd::Reply(Box::new(reply))) {
             Ok(()) => Ok(()),
             Err(RemoteEnd::Reply(reply)) => Err(*reply),
