@@ -223,7 +223,7 @@ impl JobOutput {
             match (&mut joined, part) {
                 (Self::Prepare(all), Self::Prepare(part)) => all.0.extend(part.0),
                 (Self::Audit(AuditOutput::Brackets(all)), Self::Audit(AuditOutput::Brackets(part))) => {
-                    all.extend(part)
+                    all.extend(part);
                 }
                 (Self::Audit(AuditOutput::Replays(all)), Self::Audit(AuditOutput::Replays(part))) => {
                     all.extend(part);

@@ -84,13 +84,12 @@ pub(super) struct Shared {
 /// Connection to NATS as calls use it.
 enum Link {
     /// Jobs can be sent.
-    Up(Publisher),
+    Up(Arc<Publisher>),
     /// Jobs cannot be sent, for this reason.
     Down(String),
 }
 
 /// Handles with which jobs are sent and deleted.
-#[derive(Clone)]
 struct Publisher {
     context: Context,
     jobs: Stream,
@@ -218,7 +217,7 @@ impl Shared {
     /// Sends a job and waits for its result. `None` if the server has to do the job itself.
     async fn run_remotely(self: &Arc<Self>, job: &Arc<JobPayload>) -> Option<Result<CompletedJob, JobError>> {
         let publisher = match &*self.link.lock() {
-            Link::Up(publisher) => publisher.clone(),
+            Link::Up(publisher) => Arc::clone(publisher),
             Link::Down(_) => return None,
         };
         let body = job.encode().ok()?;

@@ -85,17 +85,16 @@ impl PendingJobs {
     }
 
     /// Passes a reply to the caller of its job. Returns the reply if its job is not pending, or has another token.
-    pub(super) fn complete(&self, reply: RemoteReply) -> Result<(), RemoteReply> {
+    pub(super) fn complete(&self, reply: RemoteReply) -> Option<RemoteReply> {
         let id = reply.envelope.id;
         let mut jobs = self.jobs.lock();
         // A stale reply leaves the job as it is.
         let is_current = jobs.get(&id).is_some_and(|job| job.token == reply.envelope.token);
         let current = if is_current { jobs.remove(&id) } else { None };
-        let Some(job) = current else { return Err(reply) };
+        let Some(job) = current else { return Some(reply) };
         match job.end.send(RemoteEnd::Reply(Box::new(reply))) {
-            Ok(()) => Ok(()),
-            Err(RemoteEnd::Reply(reply)) => Err(*reply),
-            Err(RemoteEnd::TakenBack) => Ok(()),
+            Err(RemoteEnd::Reply(reply)) => Some(*reply),
+            Ok(()) | Err(RemoteEnd::TakenBack) => None,
         }
     }
 

@@ -29,40 +29,32 @@ const MAX_HEARTBEAT_BYTES: usize = 64 * 1024;
 
 /// Connects again and again, until the queue is dropped. `due` has the results to acknowledge.
 pub(super) async fn run(shared: Arc<Shared>, mut due: UnboundedReceiver<Acker>) {
-    let mut announced = None;
+    let mut was_degraded = false;
     loop {
-        let Err(error) = serve(&shared, &mut due, &mut announced).await;
+        let Err(error) = serve(&shared, &mut due, &mut was_degraded).await;
         let reason = format!("NATS at {} is away: {error}", redacted(&shared.config.nats.url));
         *shared.link.lock() = Link::Down(reason);
         shared.registry.lock().stall_all();
         shared.pending.take_all_back();
-        announce(&shared, &mut announced);
+        announce(&shared, &mut was_degraded);
         tokio::time::sleep(RETRY_PAUSE).await;
     }
 }
 
-/// Announces a change of the degradation.
-fn announce(shared: &Shared, announced: &mut Option<Option<String>>) {
+/// Announces a change of the degradation since the last call.
+fn announce(shared: &Shared, was_degraded: &mut bool) {
     let degraded = shared.degraded();
-    let is_new = match (&*announced, &degraded) {
-        (None, None) | (Some(None), None) => false,
-        (Some(Some(_)), Some(_)) => false,
-        _ => true,
-    };
-    if is_new {
-        shared.notify(match &degraded {
-            Some(reason) => QueueNotice::Degraded(reason.clone()),
-            None => QueueNotice::Restored,
-        });
+    if degraded.is_some() != *was_degraded {
+        *was_degraded = degraded.is_some();
+        shared.notify(degraded.map_or(QueueNotice::Restored, QueueNotice::Degraded));
     }
-    *announced = Some(degraded);
 }
 
 /// Serves one connection until it is interrupted.
 async fn serve(
     shared: &Arc<Shared>,
     due: &mut UnboundedReceiver<Acker>,
-    announced: &mut Option<Option<String>>,
+    was_degraded: &mut bool,
 ) -> Result<Infallible, NatsError> {
     let cluster = &shared.config.nats.cluster;
     let mut connection = Connection::open(&shared.config.nats, "sparring serve").await?;
@@ -77,7 +69,7 @@ async fn serve(
     let mut results = results.map_err(|error| NatsError::new("results cannot be read", error))?;
     let heartbeats = client.subscribe(cluster.all_heartbeats()).await;
     let mut heartbeats = heartbeats.map_err(|error| NatsError::new("heartbeats cannot be read", error))?;
-    *shared.link.lock() = Link::Up(Publisher { context, jobs: jobs.clone() });
+    *shared.link.lock() = Link::Up(Arc::new(Publisher { context, jobs }));
     tracing::info!(url = redacted(&shared.config.nats.url), cluster = %cluster, "Connected to NATS.");
     let mut ticks = tokio::time::interval(TICK);
     loop {
@@ -98,7 +90,7 @@ async fn serve(
             }
             _ = ticks.tick() => {
                 shared.tick();
-                announce(shared, announced);
+                announce(shared, was_degraded);
             }
         }
     }
@@ -111,7 +103,7 @@ impl Shared {
         let worker = last_word(&message.subject).to_owned();
         match ResultEnvelope::read(&message.payload) {
             Ok(envelope) => {
-                if let Err(late) = self.pending.complete(RemoteReply { worker, envelope, acker }) {
+                if let Some(late) = self.pending.complete(RemoteReply { worker, envelope, acker }) {
                     self.count(|counters| counters.ignored_results += 1);
                     self.acknowledge(late.acker);
                 }
@@ -156,7 +148,7 @@ impl Shared {
         notices.into_iter().for_each(|notice| self.notify(notice));
         let sequences = self.pending.take_back(&served, &active, self.config.patience);
         let publisher = match &*self.link.lock() {
-            Link::Up(publisher) if !sequences.is_empty() => publisher.clone(),
+            Link::Up(publisher) if !sequences.is_empty() => Arc::clone(publisher),
             _ => return,
         };
         tokio::spawn(async move {
