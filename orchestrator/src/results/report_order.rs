@@ -15,7 +15,10 @@ const MAX_RUNS: usize = 256;
 
 /// Order in which the reports of runs are stored. Clones share it.
 #[derive(Debug, Clone, Default)]
-pub struct ReportOrder(Option<Arc<Mutex<HashMap<RunId, oneshot::Receiver<PreviousTurn>>>>>);
+pub struct ReportOrder(Option<Arc<Mutex<LastTurns>>>);
+
+/// The last turn of each run.
+type LastTurns = HashMap<RunId, oneshot::Receiver<PreviousTurn>>;
 
 /// The turn before one that was given up; `None` if there is none, or if it has ended.
 #[derive(Debug)]

@@ -36,15 +36,15 @@ pub(super) async fn run(readers: SqlitePool, writer: Writer, mut notices: Unboun
 }
 
 fn log(notice: &QueueNotice, message: &str) {
-    match notice {
-        QueueNotice::Expelled(..) => tracing::error!("{message}"),
-        QueueNotice::Recomputed(Recomputation { wrong, .. }) if !wrong.is_empty() => {
-            tracing::error!("{message}")
-        }
-        QueueNotice::Stalled(_) | QueueNotice::Refused(..) | QueueNotice::Degraded(_) => {
-            tracing::warn!("{message}");
-        }
-        _ => tracing::info!("{message}"),
+    let is_wrong =
+        matches!(notice, QueueNotice::Recomputed(Recomputation { wrong, .. }) if !wrong.is_empty());
+    if is_wrong || matches!(notice, QueueNotice::Expelled(..)) {
+        tracing::error!("{message}");
+    } else if matches!(notice, QueueNotice::Stalled(_) | QueueNotice::Refused(..) | QueueNotice::Degraded(_))
+    {
+        tracing::warn!("{message}");
+    } else {
+        tracing::info!("{message}");
     }
 }
 
