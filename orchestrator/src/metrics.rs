@@ -292,6 +292,25 @@ impl Drop for BusyGuard {
     }
 }
 
+/// Sets the metrics of workers on other machines; nothing is set for a server without them.
+pub fn set_remote_workers(status: &QueueStatus) {
+    let QueueStatus { is_distributed: true, degraded, workers, counters } = status else { return };
+    gauge!("sparring_remote_degraded").set(f64::from(u8::from(degraded.is_some())));
+    for state in [WorkerState::Active, WorkerState::Stalled, WorkerState::Refused, WorkerState::Expelled] {
+        let count = workers.iter().filter(|worker| worker.state == state).count();
+        gauge!("sparring_remote_workers", "state" => state.as_str()).set(count as f64);
+    }
+    for (place, count) in [("worker", counters.done_remotely), ("server", counters.done_locally)] {
+        counter!("sparring_remote_jobs_total", "place" => place).absolute(count);
+    }
+    counter!("sparring_remote_results_ignored_total").absolute(counters.ignored_results);
+    counter!("sparring_remote_verified_total").absolute(counters.verified_items);
+    for worker in workers {
+        counter!("sparring_worker_jobs_total", "worker" => worker.id.clone()).absolute(worker.jobs);
+        counter!("sparring_worker_errors_total", "worker" => worker.id.clone()).absolute(worker.errors);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use metrics_exporter_prometheus::PrometheusBuilder;
@@ -310,24 +329,5 @@ mod tests {
         }
         assert_eq!(count("sparring_results_total{"), ReceiptStatus::ALL.len());
         assert_eq!(count("sparring_leases_total{"), LeaseEvent::ALL.len());
-    }
-}
-
-/// Sets the metrics of workers on other machines; nothing is set for a server without them.
-pub fn set_remote_workers(status: &QueueStatus) {
-    let QueueStatus { is_distributed: true, degraded, workers, counters } = status else { return };
-    gauge!("sparring_remote_degraded").set(f64::from(u8::from(degraded.is_some())));
-    for state in [WorkerState::Active, WorkerState::Stalled, WorkerState::Refused, WorkerState::Expelled] {
-        let count = workers.iter().filter(|worker| worker.state == state).count();
-        gauge!("sparring_remote_workers", "state" => state.as_str()).set(count as f64);
-    }
-    for (place, count) in [("worker", counters.done_remotely), ("server", counters.done_locally)] {
-        counter!("sparring_remote_jobs_total", "place" => place).absolute(count);
-    }
-    counter!("sparring_remote_results_ignored_total").absolute(counters.ignored_results);
-    counter!("sparring_remote_verified_total").absolute(counters.verified_items);
-    for worker in workers {
-        counter!("sparring_worker_jobs_total", "worker" => worker.id.clone()).absolute(worker.jobs);
-        counter!("sparring_worker_errors_total", "worker" => worker.id.clone()).absolute(worker.errors);
     }
 }

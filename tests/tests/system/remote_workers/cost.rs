@@ -19,8 +19,18 @@ fn cpu_s(pid: u32) -> f64 {
     ticks / TICKS_PER_S
 }
 
-/// Reports groups of eight episodes of a task, and returns the server's CPU time for each result, ms.
-async fn cpu_ms_per_result(workers: usize, task: &str, policy: &str) -> f64 {
+/// Cost of the results of a task.
+struct MeasuredCost {
+    /// CPU time of the server for each result, ms.
+    cpu_ms: f64,
+    /// Time of all results, s.
+    duration_s: f64,
+    /// Counters of the jobs.
+    counters: Value,
+}
+
+/// Reports groups of eight episodes of a task, and measures their cost.
+async fn measure(workers: usize, task: &str, policy: &str) -> MeasuredCost {
     let nats = if workers > 0 { NatsServer::start() } else { None };
     let cluster = Cluster::start(nats, workers).await;
     let api = cluster.api();
@@ -43,12 +53,11 @@ async fn cpu_ms_per_result(workers: usize, task: &str, policy: &str) -> f64 {
     let spent = cpu_s(pid) - before - idle_rate * started.elapsed().as_secs_f64();
     let list = cluster.list().await;
     let counters = &list["counters"];
-    println!(
-        "{task}, {workers} workers: {:.2} ms of CPU a result, {:.1} s, {counters}",
-        1000.0 * spent / results.len() as f64,
-        started.elapsed().as_secs_f64()
-    );
-    1000.0 * spent / results.len() as f64
+    MeasuredCost {
+        cpu_ms: 1000.0 * spent / results.len() as f64,
+        duration_s: started.elapsed().as_secs_f64(),
+        counters: counters.clone(),
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -58,8 +67,11 @@ async fn cpu_of_the_server_falls_with_workers() {
         return;
     }
     for (task, policy) in [("tasking/scanning", "blind"), ("kessler/formation", "hold")] {
-        let alone = cpu_ms_per_result(0, task, policy).await;
-        let helped = cpu_ms_per_result(1, task, policy).await;
-        println!("{task}: ratio {:.2}", helped / alone);
+        let alone = measure(0, task, policy).await;
+        let helped = measure(1, task, policy).await;
+        println!("{task}: ratio {:.2}", helped.cpu_ms / alone.cpu_ms);
+        for cost in [alone, helped] {
+            println!("  {:.2} ms of CPU a result, {:.1} s, {}", cost.cpu_ms, cost.duration_s, cost.counters);
+        }
     }
 }
