@@ -23,7 +23,13 @@ pub struct AlertArgs {
     #[arg(long, value_name = "URL", env = "SPARRING_ALERT_WEBHOOK", hide_env_values = true)]
     alert_webhook: Option<String>,
     /// Format of the messages: json has all fields, slack is a text for an incoming webhook of Slack
-    #[arg(long, value_name = "FORMAT", env = "SPARRING_ALERT_FORMAT", hide_env_values = true, default_value = "json")]
+    #[arg(
+        long,
+        value_name = "FORMAT",
+        env = "SPARRING_ALERT_FORMAT",
+        hide_env_values = true,
+        default_value = "json"
+    )]
     alert_format: AlertFormat,
 }
 

@@ -77,7 +77,7 @@ its end); 2 bad input or another error, with one sentence on stderr; 130 Ctrl-C.
 /// Subcommand to run. `--help` shows the doc comment of a variant's `Args`.
 #[derive(Debug, Subcommand)]
 enum Command {
-    Serve(serve::Args),
+    Serve(Box<serve::Args>),
     Worker(worker::Args),
     Workers(workers::Args),
     Demo(demo::Args),

@@ -96,6 +96,14 @@ pub fn register() {
         "Share of the outcomes behind the mastery that are missing, by run and task."
     );
     describe_gauge!("sparring_workers", "Busy workers, by job.");
+    describe_operation();
+    describe_gauge!("sparring_build_info", "Always 1; the label is the version of the server.");
+    gauge!("sparring_build_info", "version" => env!("CARGO_PKG_VERSION")).set(1.0);
+    register_zeros();
+}
+
+/// Describes the metrics of alerts and of workers on other machines.
+fn describe_operation() {
     describe_gauge!("sparring_alerts", "Alerts that last, by rule.");
     describe_counter!(
         "sparring_alert_messages_total",
@@ -108,9 +116,6 @@ pub fn register() {
     describe_counter!("sparring_remote_verified_total", "Results of workers that the server recomputed.");
     describe_counter!("sparring_worker_jobs_total", "Accepted jobs, by worker.");
     describe_counter!("sparring_worker_errors_total", "Jobs that failed or had wrong results, by worker.");
-    describe_gauge!("sparring_build_info", "Always 1; the label is the version of the server.");
-    gauge!("sparring_build_info", "version" => env!("CARGO_PKG_VERSION")).set(1.0);
-    register_zeros();
 }
 
 /// Registers counters at 0: a rate of a counter that is missing cannot be queried.

@@ -294,7 +294,10 @@ mod tests {
         for new in [&event, &event, &gone] {
             begin(&mut conn, new, false, 3).await.unwrap();
         }
-        assert_eq!(page(&mut conn, AlertFilter { run: Some("r"), lasts: false }, i64::MAX, 10).await.unwrap().len(), 1);
+        assert_eq!(
+            page(&mut conn, AlertFilter { run: Some("r"), lasts: false }, i64::MAX, 10).await.unwrap().len(),
+            1
+        );
         assert!(lasting(&mut conn).await.unwrap().is_empty());
         assert!(due(&mut conn, 9, 10).await.unwrap().is_empty(), "no webhook is to be told");
     }
@@ -313,7 +316,9 @@ mod tests {
         let [row] = &due(&mut conn, 60, 10).await.unwrap()[..] else { panic!("the end is due") };
         assert_eq!((row.sent_at, row.end_sent_at, row.attempts), (Some(60), None, 0));
         record_sent(&mut conn, id, 61).await.unwrap();
-        let [row] = &page(&mut conn, AlertFilter::default(), i64::MAX, 10).await.unwrap()[..] else { panic!("one alert") };
+        let [row] = &page(&mut conn, AlertFilter::default(), i64::MAX, 10).await.unwrap()[..] else {
+            panic!("one alert")
+        };
         assert_eq!((row.sent_at, row.end_sent_at, row.next_attempt_at), (Some(60), Some(61), None));
     }
 }

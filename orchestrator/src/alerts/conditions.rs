@@ -120,7 +120,8 @@ impl ConditionReader {
                 let all = ended.finished + ended.missing;
                 let share = ended.missing as f64 / all.max(1) as f64;
                 let percent = 100.0 * share;
-                let message = format!("{percent:.0} % of the latest {all} episodes of {} are missing", ended.task);
+                let message =
+                    format!("{percent:.0} % of the latest {all} episodes of {} are missing", ended.task);
                 let alert = alert_of_run(AlertRule::MissingShare, &active.run, ended.task, message);
                 let is_lasting = lasting.contains_key(&AlertKey::of(&alert));
                 if all >= MIN_ENDED && share > if is_lasting { END_AT * limit } else { limit } {
@@ -196,8 +197,10 @@ fn worse_message(newer: LoadedEvaluation, older: LoadedEvaluation) -> Option<Str
     let compared = compare_sides(&[newer], &[older]).ok()?;
     let rows = compared.report.comparisons.into_iter().filter(|row| row.part == SuiteSection::All);
     let worse = |row: ComparisonEstimates| row.comparison.score.map(|score| (row.task, score));
-    let (task, Estimate { mean, low, high, .. }) =
-        rows.filter_map(worse).filter(|(_, score)| score.high < 0.0).min_by(|a, b| a.1.high.total_cmp(&b.1.high))?;
+    let (task, Estimate { mean, low, high, .. }) = rows
+        .filter_map(worse)
+        .filter(|(_, score)| score.high < 0.0)
+        .min_by(|a, b| a.1.high.total_cmp(&b.1.high))?;
     let of = if task == "all" { "all tasks".to_owned() } else { task };
     Some(format!(
         "eval-{newer_id} is worse than eval-{older_id} of an earlier policy version: its score on {of} differs by {mean:.3} \

@@ -81,7 +81,8 @@ impl FromStr for AlertRules {
         for item in text.split(',').map(str::trim) {
             let (word, value) =
                 item.split_once('=').map_or((item, None), |(word, value)| (word, Some(value)));
-            let rule: AlertRule = word.parse().map_err(|_| InvalidRules::Unknown { word: word.to_owned() })?;
+            let rule: AlertRule =
+                word.parse().map_err(|_| InvalidRules::Unknown { word: word.to_owned() })?;
             match rule {
                 AlertRule::NoResults => {
                     let minutes = number(rule, value, 1, MAX_MINUTES, "takes minutes")?;
@@ -156,7 +157,10 @@ mod tests {
     #[test]
     fn invalid_rules_say_what_is_valid() {
         for (text, message) in [
-            ("", "\"\" is no rule; the rules are no_results, missing_share, low_disk, level_down, evaluation_worse, or `none`"),
+            (
+                "",
+                "\"\" is no rule; the rules are no_results, missing_share, low_disk, level_down, evaluation_worse, or `none`",
+            ),
             ("no_results=0", "no_results takes minutes from 1 to 1439, got \"0\""),
             ("low_disk=-1", "low_disk takes MiB from 1 to 17592186044415, got \"-1\""),
             ("missing_share=20", "missing_share takes a share between 0 and 1, got \"20\""),

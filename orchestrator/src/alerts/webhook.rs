@@ -169,16 +169,21 @@ mod tests {
 
     #[test]
     fn bodies_say_what_began_and_what_ended() {
-        let (began, ended) =
-            (alert(), AlertRow { sent_at: Some(1_500), ended_at: Some(61_000), ..alert() });
+        let (began, ended) = (alert(), AlertRow { sent_at: Some(1_500), ended_at: Some(61_000), ..alert() });
         let body = json_body(&began);
         assert_eq!((&body["state"], &body["ended_at"]), (&json!("began"), &Value::Null));
         assert_eq!(body["run"], json!({"id": "a", "name": "first <try>"}));
-        assert_eq!((&body["rule"], &body["began_at"]), (&json!("missing_share"), &json!("1970-01-01T00:00:01.000Z")));
+        assert_eq!(
+            (&body["rule"], &body["began_at"]),
+            (&json!("missing_share"), &json!("1970-01-01T00:00:01.000Z"))
+        );
         let text = "*Sparring, run first &lt;try&gt;*: 23 % are missing.";
         assert_eq!(slack_body(&began), json!({ "text": text }));
         let body = json_body(&ended);
-        assert_eq!((&body["state"], &body["ended_at"]), (&json!("ended"), &json!("1970-01-01T00:01:01.000Z")));
+        assert_eq!(
+            (&body["state"], &body["ended_at"]),
+            (&json!("ended"), &json!("1970-01-01T00:01:01.000Z"))
+        );
         let text = "*Sparring, run first &lt;try&gt;*: Ended: 23 % are missing.";
         assert_eq!(slack_body(&ended), json!({ "text": text }));
     }

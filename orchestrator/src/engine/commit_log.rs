@@ -87,7 +87,10 @@ mod tests {
         }
         let summary = log.summarize();
         assert_eq!((summary.commits, summary.changes, summary.failed), (200, 400, 1));
-        assert_eq!((summary.median, summary.p99), (Some(Duration::from_millis(100)), Some(Duration::from_millis(198))));
+        assert_eq!(
+            (summary.median, summary.p99),
+            (Some(Duration::from_millis(100)), Some(Duration::from_millis(198)))
+        );
     }
 
     #[test]

@@ -9,9 +9,7 @@ use axum::middleware::Next;
 use axum::response::Response;
 
 use crate::http::access::Caller;
-use crate::trainer_activity::{
-    MAX_NAME_CHARS, TrainerActivity, TrainerKey, TrainerRequest, TrainerWork,
-};
+use crate::trainer_activity::{MAX_NAME_CHARS, TrainerActivity, TrainerKey, TrainerRequest, TrainerWork};
 
 /// Header by which a trainer names itself, such as `host:pid`.
 pub(super) const CLIENT_HEADER: &str = "sparring-client";

@@ -78,7 +78,12 @@ impl AlertWorker {
                     let next_attempt_at = webhook::next_attempt(&alert, self.clock.now());
                     if alert.attempts == 0 || next_attempt_at.is_none() {
                         let is_given_up = next_attempt_at.is_none();
-                        tracing::warn!(alert = alert.id, error, is_given_up, "The webhook could not be told of an alert.");
+                        tracing::warn!(
+                            alert = alert.id,
+                            error,
+                            is_given_up,
+                            "The webhook could not be told of an alert."
+                        );
                     }
                     SendOutcome::Failed { error, next_attempt_at }
                 }

@@ -75,6 +75,7 @@ impl WorkerConfig {
 
     fn jobs(self) -> Result<Vec<BoxFuture<'static, ()>>, ThreadPoolBuildError> {
         let (rollouts, evaluator) = self.policy_workers()?;
+        let alerts = self.alert_worker();
         let Self {
             clock,
             lease_service,
@@ -84,8 +85,6 @@ impl WorkerConfig {
             designers,
             archived_retention,
             notices,
-            alerts: settings,
-            folder,
             ..
         } = self;
         let LeaseService { writer, readers, .. } = &lease_service;
@@ -107,13 +106,6 @@ impl WorkerConfig {
             writer: writer.clone(),
             wake: signals.design,
             designers,
-        };
-        let alerts = AlertWorker {
-            readers: readers.clone(),
-            writer: writer.clone(),
-            clock: clock.clone(),
-            settings,
-            folder,
         };
         let archived = archived_retention.map(|retention| ArchivedRunWorker {
             readers: readers.clone(),
@@ -140,6 +132,17 @@ impl WorkerConfig {
             notices.map(|notices| remote_workers::run(readers.clone(), writer.clone(), notices).boxed()),
         );
         Ok(jobs)
+    }
+
+    /// Creates the worker that checks the rules of alerts.
+    fn alert_worker(&self) -> AlertWorker {
+        AlertWorker {
+            readers: self.lease_service.readers.clone(),
+            writer: self.lease_service.writer.clone(),
+            clock: self.clock.clone(),
+            settings: self.alerts.clone(),
+            folder: self.folder.clone(),
+        }
     }
 
     /// Creates the workers that roll out policies: for runs, and for evaluations.

@@ -16,8 +16,8 @@ use serde::{Deserialize, Serialize};
 use crate::Millis;
 use crate::task_counters::TaskCounters;
 
-pub(crate) use self::read::tasks;
 pub use self::curves::{ActiveSpan, CurvePoint, PAUSE, active_span, learning_curves, thin_curve};
+pub(crate) use self::read::tasks;
 pub use self::read::{HistoryPoint, HistoryWindow, curve};
 pub use self::rungs::{RungKey, RungPoint, RungResults, rung_points};
 pub use self::write::{add, delete_old_minutes};

@@ -5,7 +5,8 @@ use system_tests::{ApiClient, Server, http_client};
 
 /// Sends a request with the name of a trainer. Returns the response's body.
 async fn send_as(server: &Server, name: &str, path: &str, body: &Value) -> Value {
-    let request = http_client().post(format!("{}{path}", server.api().base())).header("Sparring-Client", name);
+    let request =
+        http_client().post(format!("{}{path}", server.api().base())).header("Sparring-Client", name);
     request.json(body).send().await.unwrap().json().await.unwrap()
 }
 
@@ -22,12 +23,18 @@ async fn trainers_are_listed_with_their_work() {
     let _ = send_as(&server, "gpu-3:4711", "/v1/runs/r/leases", &json!({"groups": 0})).await;
     let list = api.get("/v1/runs/r/trainers").await.expect(200);
     let [named, plain] = &list["trainers"].as_array().unwrap()[..] else { panic!("two trainers: {list}") };
-    assert_eq!((&named["name"], &named["errors"], &named["leases"]), (&json!("gpu-3:4711"), &json!(1), &json!(0)));
+    assert_eq!(
+        (&named["name"], &named["errors"], &named["leases"]),
+        (&json!("gpu-3:4711"), &json!(1), &json!(0))
+    );
     assert!(named["episodes_per_s"].as_f64() > Some(0.0), "{named}");
     assert_eq!((&named["policy_version"], &named["staleness"]), (&json!(5), &json!(0)));
     assert_eq!((&plain["name"], &plain["leases"]), (&Value::Null, &json!(1)));
     assert_eq!((&plain["policy_version"], &plain["staleness"]), (&json!(3), &json!(2)));
-    assert!(plain["lease_wait_s"].as_f64() > Some(0.0) && plain["waiting_share"].as_f64() <= Some(1.0), "{plain}");
+    assert!(
+        plain["lease_wait_s"].as_f64() > Some(0.0) && plain["waiting_share"].as_f64() <= Some(1.0),
+        "{plain}"
+    );
     assert_eq!(api.get("/v1/runs/gone/trainers").await.status, 404);
 }
 

@@ -17,11 +17,11 @@ use crate::http::number_column::{NumberColumn, optional_u32, parse_columns};
 use crate::http::path_ids::{parse_id, parse_run_id};
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
-use crate::trainer_activity::TrainerWork;
 use crate::leases::find::find_own_lease;
 use crate::results::columns::claim as column_claims;
 use crate::results::columns::status::{self, ClaimStatus};
 use crate::results::columns::table::Columns;
+use crate::trainer_activity::TrainerWork;
 use clock::rfc3339;
 
 /// Body of a claim, which may have packed columns. Its JSON is that of [`ColumnsRequest`].

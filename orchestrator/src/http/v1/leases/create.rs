@@ -72,6 +72,7 @@ pub(in crate::http::v1) async fn create_lease(
         Some(scenarios) => lease_from_cache(row, groups, &scenarios)?,
         None => load_lease(&mut *app.readers.acquire().await?, row, groups).await?,
     };
-    let work = TrainerWork { leases: 1, policy_version: Some(policy_version.into()), ..TrainerWork::default() };
+    let work =
+        TrainerWork { leases: 1, policy_version: Some(policy_version.into()), ..TrainerWork::default() };
     Ok((StatusCode::CREATED, Extension(work), axum::Json(lease)))
 }
