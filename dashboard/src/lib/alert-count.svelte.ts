@@ -12,7 +12,11 @@ class AlertCount {
   /** Asks the server now and at intervals. Returns a function that stops it. */
   watch(): () => void {
     void this.#load();
-    return pollEvery(INTERVAL, () => true, () => this.#load());
+    return pollEvery(
+      INTERVAL,
+      () => true,
+      () => this.#load(),
+    );
   }
 
   async #load(): Promise<void> {

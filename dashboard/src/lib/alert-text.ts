@@ -20,6 +20,6 @@ export function describeMessage(alert: Pick<Alert, "message_state" | "message_er
     case "given_up":
       return `given up: ${alert.message_error ?? "no answer"}`;
     case "waiting":
-      return alert.message_error === null ? "waiting" : `tried: ${alert.message_error}`;
+      return !alert.message_error ? "waiting" : `tried: ${alert.message_error}`;
   }
 }

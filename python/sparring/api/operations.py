@@ -50,6 +50,29 @@ class Access:
         return response
 
 
+class Alerts:
+    """What an operator should know of the server and its runs."""
+
+    def __init__(self, send: Send) -> None:
+        self._send = send
+
+    def list(
+        self, *, run: str | None = None, lasting: bool | None = None, limit: int | None = None, cursor: str | None = None
+    ) -> types.AlertPage:
+        """List the alerts of the server and its runs, newest first.
+
+        Args:
+            run: Id of a run; without it, alerts of all runs and of the server are listed.
+            lasting: True to list only alerts that last (default false).
+            limit: Largest number of alerts on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
+        """
+        response: types.AlertPage = self._send(
+            "GET", "/v1/alerts", {"run": run, "lasting": lasting, "limit": limit, "cursor": cursor}, None, is_repeatable=True
+        )
+        return response
+
+
 class Curriculum:
     """Strategies of the curriculum, and their settings."""
 
@@ -434,6 +457,11 @@ class Health:
 
     def __init__(self, send: Send) -> None:
         self._send = send
+
+    def get_server(self) -> types.ServerHealth:
+        """Get the health of the server: its writer, its disk, and what waits."""
+        response: types.ServerHealth = self._send("GET", "/v1/health", {}, None, is_repeatable=True)
+        return response
 
     def list_workers(self) -> types.RemoteWorkerList:
         """List the workers on other machines."""
@@ -846,6 +874,11 @@ class Runs:
         response: types.RunSummary = self._send("PUT", f"/v1/runs/{_segment(run)}/tags", {}, body, is_repeatable=True)
         return response
 
+    def list_trainers(self, run: str) -> types.TrainerList:
+        """List the trainers that sent requests to a run within an hour."""
+        response: types.TrainerList = self._send("GET", f"/v1/runs/{_segment(run)}/trainers", {}, None, is_repeatable=True)
+        return response
+
 
 class Scenarios:
     """Single scenarios: check, evaluate and roll out."""
@@ -933,6 +966,7 @@ class Operations:
 
     def _bind(self, send: Send) -> None:
         self.access = Access(send)
+        self.alerts = Alerts(send)
         self.curriculum = Curriculum(send)
         self.designs = Designs(send)
         self.episodes = Episodes(send)
@@ -966,6 +1000,29 @@ class AsyncAccess:
         """
         response: types.AuditLogPage = await self._send(
             "GET", "/v1/audit", {"denied": denied, "limit": limit, "cursor": cursor}, None, is_repeatable=True
+        )
+        return response
+
+
+class AsyncAlerts:
+    """What an operator should know of the server and its runs."""
+
+    def __init__(self, send: AsyncSend) -> None:
+        self._send = send
+
+    async def list(
+        self, *, run: str | None = None, lasting: bool | None = None, limit: int | None = None, cursor: str | None = None
+    ) -> types.AlertPage:
+        """List the alerts of the server and its runs, newest first.
+
+        Args:
+            run: Id of a run; without it, alerts of all runs and of the server are listed.
+            lasting: True to list only alerts that last (default false).
+            limit: Largest number of alerts on a page, from 1 to 500 (default 50).
+            cursor: Field `next` of the previous page.
+        """
+        response: types.AlertPage = await self._send(
+            "GET", "/v1/alerts", {"run": run, "lasting": lasting, "limit": limit, "cursor": cursor}, None, is_repeatable=True
         )
         return response
 
@@ -1360,6 +1417,11 @@ class AsyncHealth:
 
     def __init__(self, send: AsyncSend) -> None:
         self._send = send
+
+    async def get_server(self) -> types.ServerHealth:
+        """Get the health of the server: its writer, its disk, and what waits."""
+        response: types.ServerHealth = await self._send("GET", "/v1/health", {}, None, is_repeatable=True)
+        return response
 
     async def list_workers(self) -> types.RemoteWorkerList:
         """List the workers on other machines."""
@@ -1780,6 +1842,11 @@ class AsyncRuns:
         response: types.RunSummary = await self._send("PUT", f"/v1/runs/{_segment(run)}/tags", {}, body, is_repeatable=True)
         return response
 
+    async def list_trainers(self, run: str) -> types.TrainerList:
+        """List the trainers that sent requests to a run within an hour."""
+        response: types.TrainerList = await self._send("GET", f"/v1/runs/{_segment(run)}/trainers", {}, None, is_repeatable=True)
+        return response
+
 
 class AsyncScenarios:
     """Single scenarios: check, evaluate and roll out."""
@@ -1867,6 +1934,7 @@ class AsyncOperations:
 
     def _bind(self, send: AsyncSend) -> None:
         self.access = AsyncAccess(send)
+        self.alerts = AsyncAlerts(send)
         self.curriculum = AsyncCurriculum(send)
         self.designs = AsyncDesigns(send)
         self.episodes = AsyncEpisodes(send)

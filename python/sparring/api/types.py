@@ -35,6 +35,33 @@ ActionVerdict: TypeAlias = Literal["needed", "harmless", "wasteful", "harmful"]
 """Verdict on an action, against the same episode without it."""
 
 
+class ActiveTrainer(TypedDict):
+    """Trainer that sent requests to a run within an hour."""
+
+    client: NotRequired[str | None]
+    """Name of its token, or its address; null on a server that does not distinguish its clients."""
+    episodes_per_s: float
+    """Reported episodes a second."""
+    errors: int
+    """Number of requests that were refused or failed."""
+    idle_s: float
+    """Time since its latest request, seconds."""
+    lease_wait_s: NotRequired[float | None]
+    """Mean time until it received a lease, seconds; null without leases."""
+    leases: int
+    """Number of leases that it received."""
+    name: NotRequired[str | None]
+    """Name that the trainer gives itself by the header `Sparring-Client`; null without one."""
+    policy_version: NotRequired[int | None]
+    """Newest version of its policy; null if it did not say."""
+    requests_per_s: float
+    """Requests a second."""
+    staleness: NotRequired[int | None]
+    """How many versions this is behind the newest one of the run; null without a version."""
+    waiting_share: float
+    """Share of the time that it waited for leases, 0 to 1. The rest is left for training."""
+
+
 class AgentResult(TypedDict):
     """Result of a step for one agent."""
 
@@ -46,6 +73,14 @@ class AgentResult(TypedDict):
     """True if the agent left the episode by the rules of the task."""
     truncated: bool
     """True if the horizon truncated the episode."""
+
+
+AlertMessageState: TypeAlias = Literal["none", "waiting", "sent", "given_up"]
+"""State of the message to the webhook."""
+
+
+AlertRule: TypeAlias = Literal["no_results", "missing_share", "low_disk", "level_down", "evaluation_worse"]
+"""Rule by which an alert begins."""
 
 
 AllEpisodes: TypeAlias = Literal["all"]
@@ -345,6 +380,17 @@ class DesignerUsage(TypedDict):
     """Number of prompt tokens."""
     tokens_out: int
     """Number of completion tokens."""
+
+
+class DiskHealth(TypedDict):
+    """Disk of a server."""
+
+    database_bytes: int
+    """Size of the database, bytes."""
+    free_bytes: NotRequired[int | None]
+    """Free space on its disk, bytes; null where the system does not say."""
+    reusable_bytes: int
+    """Part of it that deleted rows left free, bytes."""
 
 
 class EpisodeActions(TypedDict):
@@ -1720,6 +1766,15 @@ class TaskSpeedBands(TypedDict):
     """Unit of the edges."""
 
 
+class TrainerList(TypedDict):
+    """Activity of the trainers of a run."""
+
+    trainers: list[ActiveTrainer]
+    """Trainers, the latest request first."""
+    window_s: float
+    """Time over which rates and counts are taken, seconds; less for a trainer that came later, and since the start of the server."""
+
+
 class TrainerMetric(TypedDict):
     """Metric of a trainer: columns of equal length, in the order of steps. A point covers one report or several successive ones."""
 
@@ -1822,6 +1877,27 @@ class VerdictCount(TypedDict):
     """Verdict on the actions."""
 
 
+class WriterHealth(TypedDict):
+    """Commits of the writer in the last minute, and what waits for it."""
+
+    bulk_waiting: int
+    """Changes that wait and are served when no urgent one waits."""
+    changes_per_s: float
+    """Changes a second."""
+    commit_p50_ms: NotRequired[float | None]
+    """Median duration of a commit with its sync to disk, milliseconds; null without commits."""
+    commit_p99_ms: NotRequired[float | None]
+    """99 % quantile of the durations, milliseconds; null without commits."""
+    commits_per_s: float
+    """Commits a second."""
+    failed_commits: int
+    """Commits that failed."""
+    queue_capacity: int
+    """Number of changes that fit in each queue; beyond it the server answers 429."""
+    urgent_waiting: int
+    """Changes that wait and are served first."""
+
+
 class AcrossSeeds(TypedDict):
     """
     Estimates over trainings that differ by their seed, with intervals over trainings. The field `scenarios` of an estimate has the number
@@ -1848,6 +1924,42 @@ class ActionValue(TypedDict):
     """Step of the action, from 1."""
     verdict: ActionVerdict
     """Verdict on the action."""
+
+
+class Alert(TypedDict):
+    """Alert of the server or of a run."""
+
+    began_at: str
+    """Time of its beginning, RFC 3339."""
+    ended_at: NotRequired[str | None]
+    """Time of its end, RFC 3339; null while it lasts. An event ends when it begins."""
+    id: int
+    """Number of the alert."""
+    message: str
+    """Sentence for people."""
+    message_error: NotRequired[str | None]
+    """Error of the last failed attempt to send the message; null after a success."""
+    message_state: AlertMessageState
+    """State of the message to the webhook."""
+    rule: AlertRule
+    """Rule by which it began."""
+    run: NotRequired[str | None]
+    """Id of its run; null for the server as a whole."""
+    run_name: NotRequired[str | None]
+    """Name of the run."""
+    subject: str
+    """Part of the run that it is about, such as a task; empty for the whole of it."""
+
+
+class AlertPage(TypedDict):
+    """Page of alerts."""
+
+    alerts: list[Alert]
+    """Alerts of the page, newest first."""
+    lasting: int
+    """Number of all alerts that last."""
+    next: NotRequired[str | None]
+    """Cursor of the next page; null on the last page."""
 
 
 class ArchivedRuns(TypedDict):
@@ -2623,6 +2735,29 @@ class RunWarnings(TypedDict):
     """Number of all warnings."""
     newest: list[RunWarning]
     """Newest warnings, newest first, at most 20."""
+
+
+class ServerHealth(TypedDict):
+    """Health of a server."""
+
+    alerts: int
+    """Alerts that last."""
+    critiques_waiting: int
+    """Episodes that wait for their critique, in all runs."""
+    disk: DiskHealth
+    """Its disk."""
+    outage: NotRequired[str | None]
+    """Sentence that says why the database cannot be used; null while it can."""
+    sessions: int
+    """Active sessions."""
+    sessions_limit: int
+    """Maximum number of active sessions."""
+    uptime_s: float
+    """Time since its start, seconds."""
+    version: str
+    """Version of the server."""
+    writer: WriterHealth
+    """Its writer."""
 
 
 class Strategy(TypedDict):
