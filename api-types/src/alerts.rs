@@ -46,7 +46,7 @@ pub struct Alert {
     pub run_name: Option<String>,
     /// Part of the run that it is about, such as a task; empty for the whole of it.
     pub subject: String,
-    /// Sentence for people.
+    /// Message as a sentence for people.
     #[schema(example = "no results for 15 minutes; archive or pause a run that has ended")]
     pub message: String,
     /// Time of its beginning, RFC 3339.
@@ -59,7 +59,7 @@ pub struct Alert {
     pub message_error: Option<String>,
 }
 
-/// Page of alerts.
+/// Page of a list of alerts.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct AlertPage {
     /// Alerts of the page, newest first.

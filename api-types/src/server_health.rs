@@ -12,11 +12,11 @@ pub struct WriterHealth {
     pub bulk_waiting: usize,
     /// Number of changes that fit in each queue; beyond it the server answers 429.
     pub queue_capacity: usize,
-    /// Commits a second.
+    /// Number of commits a second.
     pub commits_per_s: f64,
-    /// Changes a second.
+    /// Number of changes a second.
     pub changes_per_s: f64,
-    /// Commits that failed.
+    /// Number of commits that failed.
     pub failed_commits: usize,
     /// Median duration of a commit with its sync to disk, milliseconds; null without commits.
     pub commit_p50_ms: Option<f64>,
@@ -44,16 +44,16 @@ pub struct ServerHealth {
     pub uptime_s: f64,
     /// Sentence that says why the database cannot be used; null while it can.
     pub outage: Option<String>,
-    /// Its writer.
+    /// Health of its writer.
     pub writer: WriterHealth,
-    /// Its disk.
+    /// State of its disk.
     pub disk: DiskHealth,
     /// Episodes that wait for their critique, in all runs.
     pub critiques_waiting: i64,
-    /// Active sessions.
+    /// Number of active sessions.
     pub sessions: usize,
     /// Maximum number of active sessions.
     pub sessions_limit: usize,
-    /// Alerts that last.
+    /// Number of alerts that last.
     pub alerts: i64,
 }

@@ -13,7 +13,7 @@ pub struct ActiveTrainer {
     pub client: Option<String>,
     /// Time since its latest request, seconds.
     pub idle_s: f64,
-    /// Requests a second.
+    /// Number of requests a second.
     pub requests_per_s: f64,
     /// Number of requests that were refused or failed.
     pub errors: u64,

@@ -1,25 +1,25 @@
-//! `--alerts` and `--alert-webhook`: what operators are told of.
+//! `--alerts` and `--alert-webhook`: rules of alerts, and the receiver of their messages.
 
 use anyhow::Context;
 use clap::ValueEnum;
 use orchestrator::alerts::{AlertRules, AlertSettings, MessageFormat, Webhook};
 
-/// Arguments of alerts.
+/// Arguments that concern alerts.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Alerts (shown in the dashboard)")]
 pub struct AlertArgs {
-    /// Rules that are on, with commas between them, or `none`: no_results=MINUTES of an active run, missing_share=SHARE of a task's
-    /// episodes, low_disk=MIB, level_down, evaluation_worse (than that of the policy version before)
+    /// Rules that are on, with commas between them, or `all` or `none`: no_results=15 (minutes of an active run),
+    /// missing_share=0.2 (of a task's episodes), low_disk=1024 (MiB), level_down, evaluation_worse (than that of the policy
+    /// version before). A rule without a value has the default that is shown here
     #[arg(
         long,
         value_name = "RULES",
         env = "SPARRING_ALERTS",
         hide_env_values = true,
-        default_value = "no_results=15,missing_share=0.2,low_disk=1024,level_down,evaluation_worse"
+        default_value = "all"
     )]
     alerts: AlertRules,
-    /// URL that is told when an alert begins and when it ends, by a POST request; a message that is not taken is sent again for a
-    /// day
+    /// URL that receives a POST request when an alert begins and when it ends; a message that is not taken is sent again for a day
     #[arg(long, value_name = "URL", env = "SPARRING_ALERT_WEBHOOK", hide_env_values = true)]
     alert_webhook: Option<String>,
     /// Format of the messages: json has all fields, slack is a text for an incoming webhook of Slack
@@ -33,7 +33,7 @@ pub struct AlertArgs {
     alert_format: AlertFormat,
 }
 
-/// Value of `--alert-format`.
+/// Value of the option `--alert-format`.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum AlertFormat {
     Json,

@@ -46,7 +46,7 @@ pub struct TrainerRequest {
 /// Leases that a trainer received, or episodes that it reported, by one request.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct TrainerWork {
-    /// Number of leases.
+    /// Number of received leases.
     pub leases: u64,
     /// Number of reported episodes.
     pub episodes: u64,
@@ -63,7 +63,7 @@ pub struct TrainerSummary {
     pub idle: Duration,
     /// Time that the sums cover: the window, or less for a trainer that came later.
     pub covered: Duration,
-    /// Number of requests.
+    /// Number of all requests.
     pub requests: u64,
     /// Number of these that were refused or failed.
     pub errors: u64,

@@ -6,7 +6,6 @@ import asyncio
 import json
 import os
 import random
-import socket
 import ssl
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
@@ -21,7 +20,7 @@ except ImportError as error:
 
 from . import _native
 from .api import operations
-from .connection import read_ca_file, read_token
+from .connection import read_ca_file, read_token, request_headers
 from .curriculum import DEFAULT_URL
 from .errors import invalid
 from .scenario import to_json
@@ -97,29 +96,18 @@ class _Connection:
             if not is_number or not value >= 0.0 or (name == "timeout_s" and value == 0):
                 raise invalid(name, f"a number of seconds {'>' if name == 'timeout_s' else '>='} 0", value)
         token, ca_file = read_token(token), read_ca_file(ca_file)
-        headers = {
-            "Accept": "application/json",
-            "Sparring-Client": client_name(),
-            **({"Authorization": f"Bearer {token}"} if token else {}),
-        }
         self.url = url.rstrip("/")
         self.retry_timeout_s = retry_timeout_s
         # A server on this machine is reached without a proxy.
         use_proxy = not _native.is_loopback(url)
         self.options: dict[str, Any] = {
             "base_url": self.url,
-            "headers": headers,
+            "headers": request_headers(token),
             "timeout": timeout_s,
             "trust_env": use_proxy,
         }
         if ca_file is not None and parsed.scheme == "https":
             self.options["verify"] = _trust(ca_file)
-
-
-def client_name() -> str:
-    """Returns the name by which the server lists this trainer: that of the host and the number of the process."""
-    host = "".join(character for character in socket.gethostname() if "!" <= character <= "~")
-    return f"{host[:48]}:{os.getpid()}"
 
 
 def _trust(ca_file: str) -> ssl.SSLContext:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 
 from . import _native
 from ._native import CurriculumError
@@ -35,3 +36,15 @@ def needs_token(url: str) -> bool:
     except CurriculumError:
         return True
     return False
+
+
+def request_headers(token: str | None) -> dict[str, str]:
+    """Returns the headers of all requests: the accepted format, the name of the trainer, and its token."""
+    headers = {"Accept": "application/json", "Sparring-Client": client_name()}
+    return {**headers, "Authorization": f"Bearer {token}"} if token else headers
+
+
+def client_name() -> str:
+    """Returns the name by which the server lists this trainer: that of the host and the number of the process."""
+    host = "".join(character for character in socket.gethostname() if "!" <= character <= "~")
+    return f"{host[:48]}:{os.getpid()}"

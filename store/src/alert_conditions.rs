@@ -74,7 +74,7 @@ pub struct LevelDrop {
     pub seq: i64,
     /// Level before the move.
     pub from_level: Option<i64>,
-    /// Level after it.
+    /// Level after the move.
     pub to_level: i64,
 }
 

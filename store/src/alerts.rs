@@ -32,7 +32,7 @@ pub struct NewAlert {
     pub run: Option<String>,
     /// Part of the run that it is about, such as a task; empty for the whole of it.
     pub subject: String,
-    /// Sentence for people.
+    /// Message as a sentence for people.
     pub message: String,
     /// True for an event, which ends when it begins.
     pub is_event: bool,
@@ -51,9 +51,9 @@ pub struct AlertRow {
     pub run_name: Option<String>,
     /// Part of the run that it is about; empty for the whole of it.
     pub subject: String,
-    /// Sentence for people.
+    /// Message as a sentence for people.
     pub message: String,
-    /// When it began.
+    /// Time of its beginning.
     pub began_at: Millis,
     /// When it ended; none while it lasts.
     pub ended_at: Option<Millis>,
@@ -84,7 +84,7 @@ macro_rules! query_alerts {
     };
 }
 
-/// Stores an alert, unless it lasts already, or is an event that is stored. A webhook is told if `is_sent`.
+/// Stores an alert, unless it lasts already, or is an event that is stored. A message to the webhook is due if `is_sent`.
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if a statement fails.
@@ -119,7 +119,7 @@ pub async fn begin(
     Ok(())
 }
 
-/// Ends an alert. The webhook is told if it was told of the beginning, or is to be told.
+/// Ends an alert. If the webhook knows its beginning, a message about the end is due.
 ///
 /// # Errors
 /// Returns [`StoreError::Database`] if the statement fails.

@@ -29,7 +29,7 @@ pub struct AlertRules {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum InvalidRules {
     /// The rule does not exist.
-    #[error("{word:?} is no rule; the rules are {}, or `none`", AlertRule::WORDS.join(", "))]
+    #[error("{word:?} is no rule; the rules are {}, `all` or `none`", AlertRule::WORDS.join(", "))]
     Unknown {
         /// Word that was given.
         word: String,
@@ -72,11 +72,13 @@ impl AlertRules {
 impl FromStr for AlertRules {
     type Err = InvalidRules;
 
-    /// Parses `none`, or words of rules with commas between them, each with `=VALUE` or with its default.
+    /// Parses `all`, `none`, or words of rules with commas between them, each with `=VALUE` or with its default.
     fn from_str(text: &str) -> Result<Self, InvalidRules> {
         let (mut rules, defaults) = (Self::NONE, Self::default());
-        if text.trim() == "none" {
-            return Ok(rules);
+        match text.trim() {
+            "none" => return Ok(rules),
+            "all" => return Ok(defaults),
+            _ => {}
         }
         for item in text.split(',').map(str::trim) {
             let (word, value) =
@@ -151,6 +153,7 @@ mod tests {
         };
         assert_eq!(rules, expected);
         assert_eq!("none".parse(), Ok(AlertRules::NONE));
+        assert_eq!("all".parse(), Ok(AlertRules::default()));
         assert_eq!(AlertRule::WORDS.join(",").parse(), Ok(AlertRules::default()));
     }
 
@@ -159,7 +162,7 @@ mod tests {
         for (text, message) in [
             (
                 "",
-                "\"\" is no rule; the rules are no_results, missing_share, low_disk, level_down, evaluation_worse, or `none`",
+                "\"\" is no rule; the rules are no_results, missing_share, low_disk, level_down, evaluation_worse, `all` or `none`",
             ),
             ("no_results=0", "no_results takes minutes from 1 to 1439, got \"0\""),
             ("low_disk=-1", "low_disk takes MiB from 1 to 17592186044415, got \"-1\""),

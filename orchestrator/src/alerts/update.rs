@@ -10,11 +10,11 @@ use crate::engine::write_tx::WriteTx;
 /// Stores alerts that begin and ends those that do not last.
 #[derive(Debug)]
 pub struct UpdateAlerts {
-    /// Alerts that begin.
+    /// Alerts that begin now.
     pub begin: Vec<NewAlert>,
     /// Numbers of the alerts that end.
     pub end: Vec<i64>,
-    /// True if the server has a webhook, which is told.
+    /// True if the server has a webhook for messages.
     pub has_webhook: bool,
 }
 
@@ -37,7 +37,7 @@ impl Change for UpdateAlerts {
 pub enum SendOutcome {
     /// The webhook took the message.
     Sent,
-    /// The attempt failed.
+    /// The attempt has failed.
     Failed {
         /// Reason as a part of a sentence.
         error: String,

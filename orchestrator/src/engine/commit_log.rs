@@ -26,7 +26,7 @@ struct Commit {
 /// Commits of the last minute.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct CommitSummary {
-    /// Number of commits.
+    /// Number of all commits.
     pub commits: usize,
     /// Number of the changes in them.
     pub changes: usize,

@@ -103,7 +103,7 @@ impl Writer {
         &self.health
     }
 
-    /// The latest commits.
+    /// Log of the latest commits.
     #[must_use]
     pub const fn commits(&self) -> &CommitLog {
         &self.commits

@@ -89,7 +89,7 @@ use crate::tokens::redact;
         (name = "evaluations", description = "Evaluations of policies on frozen suites, and their comparison."),
         (name = "sessions", description = "Environments on the server, stepped over a WebSocket: one by text messages, many by binary frames."),
         (name = "openenv", description = "Routes of OpenEnv for openenv-core's clients, at the root; sessions over WebSockets at /ws and /mcp."),
-        (name = "alerts", description = "What an operator should know of the server and its runs."),
+        (name = "alerts", description = "Conditions and events of the server and its runs, for operators."),
         (name = "access", description = "Audit log: changes by API requests, and denied requests."),
         (name = "health", description = "Liveness, readiness and metrics of the server."),
     )

@@ -51,7 +51,7 @@ class Access:
 
 
 class Alerts:
-    """What an operator should know of the server and its runs."""
+    """Conditions and events of the server and its runs, for operators."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
@@ -1005,7 +1005,7 @@ class AsyncAccess:
 
 
 class AsyncAlerts:
-    """What an operator should know of the server and its runs."""
+    """Conditions and events of the server and its runs, for operators."""
 
     def __init__(self, send: AsyncSend) -> None:
         self._send = send

@@ -55,7 +55,7 @@ class ActiveTrainer(TypedDict):
     policy_version: NotRequired[int | None]
     """Newest version of its policy; null if it did not say."""
     requests_per_s: float
-    """Requests a second."""
+    """Number of requests a second."""
     staleness: NotRequired[int | None]
     """How many versions this is behind the newest one of the run; null without a version."""
     waiting_share: float
@@ -1883,15 +1883,15 @@ class WriterHealth(TypedDict):
     bulk_waiting: int
     """Changes that wait and are served when no urgent one waits."""
     changes_per_s: float
-    """Changes a second."""
+    """Number of changes a second."""
     commit_p50_ms: NotRequired[float | None]
     """Median duration of a commit with its sync to disk, milliseconds; null without commits."""
     commit_p99_ms: NotRequired[float | None]
     """99 % quantile of the durations, milliseconds; null without commits."""
     commits_per_s: float
-    """Commits a second."""
+    """Number of commits a second."""
     failed_commits: int
-    """Commits that failed."""
+    """Number of commits that failed."""
     queue_capacity: int
     """Number of changes that fit in each queue; beyond it the server answers 429."""
     urgent_waiting: int
@@ -1936,7 +1936,7 @@ class Alert(TypedDict):
     id: int
     """Number of the alert."""
     message: str
-    """Sentence for people."""
+    """Message as a sentence for people."""
     message_error: NotRequired[str | None]
     """Error of the last failed attempt to send the message; null after a success."""
     message_state: AlertMessageState
@@ -1952,7 +1952,7 @@ class Alert(TypedDict):
 
 
 class AlertPage(TypedDict):
-    """Page of alerts."""
+    """Page of a list of alerts."""
 
     alerts: list[Alert]
     """Alerts of the page, newest first."""
@@ -2741,15 +2741,15 @@ class ServerHealth(TypedDict):
     """Health of a server."""
 
     alerts: int
-    """Alerts that last."""
+    """Number of alerts that last."""
     critiques_waiting: int
     """Episodes that wait for their critique, in all runs."""
     disk: DiskHealth
-    """Its disk."""
+    """State of its disk."""
     outage: NotRequired[str | None]
     """Sentence that says why the database cannot be used; null while it can."""
     sessions: int
-    """Active sessions."""
+    """Number of active sessions."""
     sessions_limit: int
     """Maximum number of active sessions."""
     uptime_s: float
@@ -2757,7 +2757,7 @@ class ServerHealth(TypedDict):
     version: str
     """Version of the server."""
     writer: WriterHealth
-    """Its writer."""
+    """Health of its writer."""
 
 
 class Strategy(TypedDict):

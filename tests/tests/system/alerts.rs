@@ -14,7 +14,7 @@ use orchestrator::service::Config;
 use serde_json::{Value, json};
 use system_tests::{ApiClient, Server, wait_for};
 
-/// A minute, ms.
+/// Duration of a minute, ms.
 const MINUTE: i64 = 60_000;
 
 /// Receiver of messages, which refuses the first ones.
@@ -62,7 +62,7 @@ async fn start(clock: Clock, url: &str, format: MessageFormat) -> Server {
     .await
 }
 
-/// Lets time pass.
+/// Lets some time pass.
 fn advance(time: &ManualClock, ms: i64) {
     time.time.fetch_add(ms, Ordering::SeqCst);
 }
