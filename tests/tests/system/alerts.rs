@@ -146,9 +146,14 @@ async fn missing_episodes_are_reported_in_words_for_slack() {
 async fn invalid_queries_of_alerts_are_refused() {
     let server = Server::start().await;
     let api = server.api();
-    for (query, status) in
-        [("limit=0", 422), ("limit=501", 422), ("cursor=x", 422), ("lasting=maybe", 400), ("golf=1", 400)]
-    {
+    for (query, status) in [
+        ("limit=0", 422),
+        ("limit=501", 422),
+        ("cursor=x", 422),
+        ("run=A", 422),
+        ("lasting=maybe", 400),
+        ("golf=1", 400),
+    ] {
         assert_eq!(api.get(&format!("/v1/alerts?{query}")).await.status, status, "{query}");
     }
     let page = api.get("/v1/alerts?run=gone").await.expect(200);

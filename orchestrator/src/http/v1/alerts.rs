@@ -3,6 +3,7 @@
 use api_types::{Alert, AlertMessageState, AlertPage, AlertsQuery};
 use axum::extract::State;
 use store::alerts::{self, AlertFilter, AlertRow};
+use store::ids::RunId;
 
 use crate::api_enums::ConvertEnum;
 use crate::http::extract::Query;
@@ -24,8 +25,10 @@ pub(super) async fn list_alerts(
 ) -> Result<axum::Json<AlertPage>, Problem> {
     let limit = page_limit(query.limit)?;
     let before = number_before(query.cursor.as_deref())?;
+    let run = query.run.as_deref().map(str::parse::<RunId>).transpose();
+    let run = run.map_err(|error| Problem::invalid("run", error.to_string()))?;
     let mut conn = app.readers.acquire().await?;
-    let filter = AlertFilter { run: query.run.as_deref(), lasts: query.lasting };
+    let filter = AlertFilter { run: run.as_ref().map(RunId::as_str), lasts: query.lasting };
     let rows = alerts::page(&mut conn, filter, before, limit).await?;
     let lasting = alerts::count_lasting(&mut conn).await?;
     let next = next_cursor(rows.len(), limit, rows.last().map(|row| PageCursor::at(row.id)));
