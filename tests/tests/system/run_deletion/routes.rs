@@ -20,6 +20,7 @@ fn body(operation: &str, ids: &PopulatedRun) -> Value {
         "set_members" => json!({"members": []}),
         "set_policy" => json!({"policy": "hold"}),
         "set_policy_version" => json!({"policy_version": 3}),
+        "set_note" => json!({"note": ""}),
         "set_tags" => json!({"tags": []}),
         _ => json!({}),
     }

@@ -63,6 +63,7 @@ async fn insert_rare_rows(db: &Path) {
     for statement in [
         "INSERT INTO level_moves VALUES ('gone', 1, 'kessler/survival', 'up', 0, 1, '{}', 0)",
         "INSERT INTO deleted_run_events VALUES ('gone', 0)",
+        "INSERT INTO alerts (rule, run, subject, message, began_at, ended_at) VALUES ('level_down', 'gone', '', 'down', 1, 1)",
         "INSERT INTO principals (id, name) VALUES (1, 'member')",
         "INSERT INTO run_members VALUES ('gone', 1)",
         "INSERT INTO rollout_spend VALUES ('gone', 0, 1, 1, 0.5)",
