@@ -1,8 +1,7 @@
-//! Reads that many handlers begin with: a connection for a run that exists, and the tasks of a run.
+//! Reads that many handlers begin with: a snapshot of the database with a run that exists, and the tasks of a run.
 
 use env_core::TaskSpec;
-use sqlx::pool::PoolConnection;
-use sqlx::{Sqlite, SqliteConnection};
+use sqlx::{Sqlite, SqliteConnection, Transaction};
 use store::ids::RunId;
 use store::{from_json, runs};
 
@@ -11,15 +10,15 @@ use super::state::AppState;
 use crate::engine::error::ServiceError;
 use crate::runs::settings::RunSettings;
 
-/// Acquires a read connection and checks that the run exists.
+/// Begins to read one snapshot of the database, and checks that the run exists.
 ///
 /// # Errors
 /// Returns [`ServiceError::UnknownRun`] as a problem if there is no such run.
 pub(super) async fn acquire_run_reader(
     app: &AppState,
     run: &RunId,
-) -> Result<PoolConnection<Sqlite>, Problem> {
-    let mut conn = app.readers.acquire().await?;
+) -> Result<Transaction<'static, Sqlite>, Problem> {
+    let mut conn = app.readers.begin().await?;
     match runs::get(&mut conn, run.as_str()).await? {
         Some(_) => Ok(conn),
         None => Err(ServiceError::UnknownRun(run.to_string()).into()),

@@ -37,7 +37,10 @@ impl Receiver {
 
     /// Waits until this many messages were taken, and returns the last one.
     async fn message(&self, number: usize) -> Value {
-        wait_for("the webhook is told", async || self.messages.lock().unwrap().get(number - 1).cloned()).await
+        wait_for("the receiver has the message", async || {
+            self.messages.lock().unwrap().get(number - 1).cloned()
+        })
+        .await
     }
 }
 

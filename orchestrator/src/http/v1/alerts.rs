@@ -27,7 +27,7 @@ pub(super) async fn list_alerts(
     let before = number_before(query.cursor.as_deref())?;
     let run = query.run.as_deref().map(str::parse::<RunId>).transpose();
     let run = run.map_err(|error| Problem::invalid("run", error.to_string()))?;
-    let mut conn = app.readers.acquire().await?;
+    let mut conn = app.readers.begin().await?; // one snapshot of all tables
     let filter = AlertFilter { run: run.as_ref().map(RunId::as_str), lasts: query.lasting };
     let rows = alerts::page(&mut conn, filter, before, limit).await?;
     let lasting = alerts::count_lasting(&mut conn).await?;

@@ -150,7 +150,7 @@ pub(super) async fn get_claimed_columns(
     Path((run, lease)): Path<(String, String)>,
 ) -> Result<axum::Json<ClaimedColumns>, Problem> {
     let (run, lease) = (parse_run_id(&run)?, parse_id("lease", &lease)?);
-    let mut conn = app.readers.acquire().await?;
+    let mut conn = app.readers.begin().await?; // one snapshot of all tables
     let row = find_own_lease(&mut conn, &run, &lease, caller.actor()).await?;
     check_kept(&row)?;
     let claimed = status::claimed_columns(&mut conn, row.id).await?.ok_or_else(no_columns)?;
@@ -184,7 +184,7 @@ pub(super) async fn get_column_claim(
     Path((run, lease)): Path<(String, String)>,
 ) -> Result<axum::Json<ColumnClaim>, Problem> {
     let (run, lease) = (parse_run_id(&run)?, parse_id("lease", &lease)?);
-    let mut conn = app.readers.acquire().await?;
+    let mut conn = app.readers.begin().await?; // one snapshot of all tables
     let row = find_own_lease(&mut conn, &run, &lease, caller.actor()).await?;
     check_kept(&row)?;
     Ok(axum::Json(claim_from_status(status::claim_status(&mut conn, row).await?.ok_or_else(no_columns)?)))

@@ -9,7 +9,7 @@ use api_types::{
 use axum::extract::State;
 use env_core::TaskSpec;
 use env_core::critique::{FailureModeSpec, PROFILE_SECTORS, SpeedBands};
-use sqlx::{Connection, SqliteConnection};
+use sqlx::SqliteConnection;
 use store::critiques::{self, CritiqueCounters, DecayingSum};
 use store::failures::{self, CellEpisode, EXAMPLES_PER_CELL};
 use store::ids::{EpisodeId, LeaseId, RunId};
@@ -72,8 +72,7 @@ pub(super) async fn get_failure_profiles(
             ));
         }
     };
-    let mut conn = app.readers.acquire().await?;
-    let mut conn = conn.begin().await?; // one snapshot of all tables
+    let mut conn = app.readers.begin().await?; // one snapshot of all tables
     let tasks = find_run_tasks(&mut conn, &run, query.task.as_deref()).await?;
     let waiting = critiques::waiting_by_task(&mut conn, run.as_str()).await?;
     let mut profiles = Vec::with_capacity(tasks.len());

@@ -42,7 +42,7 @@ pub(super) async fn list_layouts(
     };
     check_failure_mode("aim", aim.as_ref(), &tasks)?;
     let (limit, before) = (page_limit(limit)?, number_before(cursor.as_deref())?);
-    let mut conn = app.readers.acquire().await?;
+    let mut conn = app.readers.begin().await?; // one snapshot of all tables
     let filter = LayoutFilter { task, state, mode: aim, ..LayoutFilter::default() };
     let rows = layouts::of_all_runs(&mut conn, &filter, before, limit).await?;
     Ok(axum::Json(design_page(&rows, limit)?))
@@ -61,7 +61,7 @@ pub(super) async fn get_layout(
 ) -> Result<axum::Json<Layout>, Problem> {
     let layout: LayoutId = parse_id("layout", &layout)?;
     let unknown = || ServiceError::UnknownLayout(layout.to_string());
-    let mut conn = app.readers.acquire().await?;
+    let mut conn = app.readers.begin().await?; // one snapshot of all tables
     let row = layouts::get(&mut conn, layout.0).await?.ok_or_else(unknown)?;
     let scenario_key = row.scenario.as_ref().ok_or_else(unknown)?;
     let scenario = ScenarioLoader::default().get(&mut conn, scenario_key).await?;

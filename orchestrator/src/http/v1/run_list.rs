@@ -103,7 +103,7 @@ pub(super) async fn list_runs(
     let after = query.cursor.as_deref().map(|cursor| parse_cursor(order, cursor)).transpose()?;
     let RunQuery { archived, search, tag, strategy, tasks, activity, .. } = query;
     let filter = FilterFields { archived, search, tag, strategy, tasks, activity }.parse(now - RECENT)?;
-    let mut conn = app.readers.acquire().await?;
+    let mut conn = app.readers.begin().await?; // one snapshot of all tables
     let total = match after {
         None => Some(run_list::count(&mut conn, &filter).await?),
         Some(_) => None,
@@ -128,7 +128,7 @@ pub(super) async fn list_run_groups(
     let since = app.clock.now() - RECENT;
     let RunGroupQuery { by, archived, search, tag, strategy, tasks, activity } = query;
     let filter = FilterFields { archived, search, tag, strategy, tasks, activity }.parse(since)?;
-    let mut conn = app.readers.acquire().await?;
+    let mut conn = app.readers.begin().await?; // one snapshot of all tables
     let rows = run_list::groups(&mut conn, &filter, by.convert(), since).await?;
     let groups = rows.into_iter().map(|row| RunGroup {
         value: row.value,

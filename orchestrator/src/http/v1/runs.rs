@@ -103,7 +103,7 @@ pub(super) async fn get_run(
     Path(run): Path<String>,
 ) -> Result<axum::Json<Run>, Problem> {
     let run = parse_run_id(&run)?;
-    let mut conn = app.readers.acquire().await?;
+    let mut conn = app.readers.begin().await?; // one snapshot of all tables
     let row = runs::get(&mut conn, run.as_str()).await?;
     let row = row.ok_or_else(|| ServiceError::UnknownRun(run.to_string()))?;
     let critique_backlog = critique_backlog(&mut conn, &run).await?;

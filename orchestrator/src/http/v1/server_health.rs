@@ -22,7 +22,7 @@ pub(super) async fn get_server_health(
     _: NoQuery,
     State(app): State<AppState>,
 ) -> Result<axum::Json<ServerHealth>, Problem> {
-    let mut conn = app.readers.acquire().await?;
+    let mut conn = app.readers.begin().await?; // one snapshot of all tables
     let pages = integrity::page_bytes(&mut conn).await?;
     let waiting = critiques::waiting_by_run(&mut conn).await?;
     let alerts = alerts::count_lasting(&mut conn).await?;

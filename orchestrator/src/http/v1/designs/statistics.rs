@@ -4,7 +4,6 @@ use crate::api_enums::ConvertEnum;
 use api_types::{DesignStatistics, DesignerUsage, GateCheckCount, LearningSignal, TaskDesigns};
 use axum::extract::State;
 use designer::GateCheck;
-use sqlx::Connection;
 use store::design_counters::{self, GateCount, LayoutCount, TrainingGroups};
 use store::layouts::{LayoutState, RetirementReason};
 use store::learning_signals::{self, SignalSums};
@@ -31,8 +30,7 @@ pub(in crate::http::v1) async fn get_design_statistics(
     Path(run): Path<String>,
 ) -> Result<axum::Json<DesignStatistics>, Problem> {
     let run = parse_run_id(&run)?;
-    let mut conn = app.readers.acquire().await?;
-    let mut conn = conn.begin().await?; // one snapshot of all tables
+    let mut conn = app.readers.begin().await?; // one snapshot of all tables
     let row = runs::get(&mut conn, run.as_str()).await?;
     let row = row.ok_or_else(|| ServiceError::UnknownRun(run.to_string()))?;
     let settings: RunSettings = from_json("a run's settings", &row.settings)?;

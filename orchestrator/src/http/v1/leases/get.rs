@@ -32,7 +32,7 @@ pub(in crate::http::v1) async fn get_lease(
     Path((run, lease)): Path<(String, String)>,
 ) -> Result<axum::Json<Lease>, Problem> {
     let (run, lease) = (parse_run_id(&run)?, parse_id("lease", &lease)?);
-    let mut conn = app.readers.acquire().await?;
+    let mut conn = app.readers.begin().await?; // one snapshot of all tables
     let row = find_own_lease(&mut conn, &run, &lease, caller.actor()).await?;
     let groups = groups::of_lease(&mut conn, row.id).await?;
     if row.is_compacted && groups.is_empty() {
