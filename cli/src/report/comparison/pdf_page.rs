@@ -268,7 +268,7 @@ fn divide(line: &str, size: f32, width: f32) -> Option<String> {
     if text_width(line, size) <= width {
         return None;
     }
-    let mut ends = line.char_indices().skip(1).map(|(at, _)| at);
+    let mut ends = line.char_indices().map(|(at, _)| at).filter(|at| *at > 0);
     let first = ends.next()?;
     let fitting = ends.take_while(|at| text_width(&line[..*at], size) <= width).last().unwrap_or(first);
     Some(line[fitting..].to_owned())
