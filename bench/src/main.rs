@@ -22,6 +22,7 @@ mod steal_time;
 mod stepping;
 mod steps;
 mod tasking;
+mod workers;
 
 use std::io::Write;
 
@@ -38,9 +39,10 @@ struct Args {
     /// those of tasking. `load` runs 64 trainers.
     /// `runs` fills a database with runs, `slow-clients` opens connections of one byte a second beside trainers, and
     /// `large-database` measures start, lists, backup and vacuum with a database of ten GiB.
+    /// `workers` compares the server's CPU time for an audited result with a worker on NATS and without one (after `scripts/nats`).
     /// `levels` prints the success of policies at every level. `learner` trains the demo's learner with and without the
     /// designer, for twenty minutes.
-    #[arg(value_parser = ["engine", "bracket", "critique", "curriculum", "steps", "results", "columns", "sockets", "stepping", "growth", "crash", "crash-tasking", "load", "soak", "runs", "slow-clients", "large-database", "designer", "learner", "levels", "tasking"])]
+    #[arg(value_parser = ["engine", "bracket", "critique", "curriculum", "steps", "results", "columns", "sockets", "stepping", "growth", "crash", "crash-tasking", "load", "soak", "runs", "slow-clients", "large-database", "designer", "learner", "levels", "tasking", "workers"])]
     benchmarks: Vec<String>,
     /// Duration of `soak`, `crash`, `crash-tasking` and `load`, in minutes
     #[arg(long, default_value_t = 10)]
@@ -132,7 +134,7 @@ fn main() -> anyhow::Result<()> {
         ("tasking", &tasking::measure),
     ];
     // These take minutes and run only if they are named.
-    let long: [(&str, Measure<'_>); 10] = [
+    let long: [(&str, Measure<'_>); 11] = [
         ("runs", &|| scale::many_runs::measure(args.runs)),
         ("slow-clients", &|| scale::slow_clients::measure(args.connections)),
         ("large-database", &|| scale::large_database::measure(args.gib)),
@@ -142,6 +144,7 @@ fn main() -> anyhow::Result<()> {
         ("growth", &|| growth::measure(args.episodes, args.group_size)),
         ("soak", &|| soak::measure(args.minutes)),
         ("learner", &designer::learner::measure),
+        ("workers", &workers::measure),
         ("levels", &|| levels::measure(&args.task, args.first_seed)),
     ];
     let is_named = |name: &str| args.benchmarks.iter().any(|benchmark| benchmark == name);

@@ -17,6 +17,7 @@ mod raw_socket;
 pub mod scale;
 mod tls;
 mod websocket;
+pub mod worker_cluster;
 
 use std::path::PathBuf;
 

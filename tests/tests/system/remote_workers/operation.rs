@@ -3,7 +3,7 @@
 use std::process::Command;
 
 use serde_json::Value;
-use system_tests::wait_until;
+use system_tests::{sparring_binary, wait_until};
 
 use super::*;
 
@@ -16,8 +16,8 @@ fn sparring(arguments: &[&str]) -> std::process::Output {
 #[tokio::test(flavor = "multi_thread")]
 async fn operators_see_workers_join_and_leave() {
     let Some(nats) = NatsServer::start() else { return };
-    let mut cluster = Cluster::start(Some(nats), 0).await;
-    cluster.create_run().await;
+    let mut cluster = WorkerCluster::start(Some(nats), 0).await;
+    create_run(&cluster).await;
     let api = cluster.api();
     wait_until("the server is connected and degraded", async || {
         let health = api.get("/readyz").await.expect(200);
@@ -26,7 +26,7 @@ async fn operators_see_workers_join_and_leave() {
     .await;
     cluster.add_worker("second-machine");
     cluster.wait_for_workers(1).await;
-    cluster.train_round(0).await;
+    train_round(&cluster, 0).await;
     let health: Value = api.get("/readyz").await.expect(200);
     assert_eq!(health, json!({"status": "ok"}));
 
@@ -35,13 +35,13 @@ async fn operators_see_workers_join_and_leave() {
     assert_eq!((&worker["host"], &worker["state"]), (&json!("second-machine"), &json!("active")));
     assert_eq!(worker["kinds"], json!(["prepare", "audit", "critique"]));
     assert!(worker["last_seen_s"].as_f64().unwrap() < 5.0 && worker["jobs"].as_u64().unwrap() > 0);
-    let text = metrics(&api).await;
+    let text = cluster.metrics().await;
     for line in ["sparring_remote_workers{state=\"active\"} 1", "sparring_remote_degraded 0"] {
         assert!(text.contains(line), "{line} in {text}");
     }
     assert!(text.contains("sparring_worker_jobs_total{worker=\"second-machine-"));
 
-    let shown = sparring(&["workers", "--url", cluster.server.as_ref().unwrap().url()]);
+    let shown = sparring(&["workers", "--url", cluster.server().url()]);
     let shown = String::from_utf8(shown.stdout).unwrap();
     assert!(shown.contains("second-machine") && shown.contains("active"), "{shown}");
 
@@ -49,7 +49,7 @@ async fn operators_see_workers_join_and_leave() {
     cluster.workers.clear();
     wait_until("the worker stalls", async || cluster.list().await["workers"][0]["state"] == "stalled").await;
     assert_eq!(api.get("/readyz").await.expect(200)["status"], "degraded");
-    cluster.train_round(1).await;
+    train_round(&cluster, 1).await;
     let db = cluster.db();
     wait_until("the run has the warnings", async || {
         let messages = stored_state::warnings(&db).await;
@@ -61,11 +61,11 @@ async fn operators_see_workers_join_and_leave() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_server_without_nats_has_no_workers() {
-    let cluster = Cluster::start(None, 0).await;
+    let cluster = WorkerCluster::start(None, 0).await;
     let list = cluster.list().await;
     assert_eq!((&list["distributed"], &list["workers"]), (&json!(false), &json!([])));
     assert_eq!(cluster.api().get("/readyz").await.expect(200), json!({"status": "ok"}));
-    assert!(!metrics(&cluster.api()).await.contains("sparring_remote_degraded "));
-    let shown = sparring(&["workers", "--url", cluster.server.as_ref().unwrap().url()]);
+    assert!(!cluster.metrics().await.contains("sparring_remote_degraded "));
+    let shown = sparring(&["workers", "--url", cluster.server().url()]);
     assert!(String::from_utf8(shown.stdout).unwrap().contains("does all jobs itself"));
 }

@@ -58,12 +58,6 @@ async fn connect(db: &Path) -> SqliteConnection {
     SqliteConnectOptions::new().filename(db).read_only(true).connect().await.unwrap()
 }
 
-/// True if every proposal has its scenario.
-pub(super) async fn is_prepared(db: &Path) -> bool {
-    let waiting = "SELECT count(*) FROM proposals WHERE scenario IS NULL";
-    sqlx::query_scalar::<_, i64>(waiting).fetch_one(&mut connect(db).await).await.unwrap() == 0
-}
-
 /// True for times and random names, and for the numbers of failure cells: cells of one batch of critiques get them in order of their
 /// keys, and the time of day decides which critiques are one batch.
 fn is_ignored(table: &str, column: &str) -> bool {
