@@ -87,7 +87,8 @@ export async function checkPage(
 ) {
   const { page, problems } = observed;
   await visit(page, url, route);
-  await page.locator("main").getByText(text).first().waitFor();
+  // Options of a closed list have texts too, but are not visible.
+  await page.locator("main").getByText(text).filter({ visible: true }).first().waitFor();
   await waitUntilIdle(observed);
   await page.screenshot({ path: `${SCREENSHOT_FOLDER}/${name}.png`, fullPage: true });
   expect(problems, name).toEqual([]);

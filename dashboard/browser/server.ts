@@ -42,7 +42,7 @@ export class SparringServer {
   /** Kills the server with SIGKILL, like a power failure. */
   async kill() {
     const process = this.#process;
-    if (!process || process.exitCode !== null) return;
+    if (!process || process.exitCode !== null || process.signalCode !== null) return;
     const exit = new Promise((resolve) => process.once("exit", resolve));
     process.kill("SIGKILL");
     await exit;
