@@ -175,6 +175,21 @@ pub async fn counters(conn: &mut SqliteConnection, run: &str) -> Result<LeaseCou
     .await?)
 }
 
+/// Counts the groups that the active leases of a run took from its queue. The sum is exact up to 16, and larger beyond.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn active_groups(conn: &mut SqliteConnection, run: &str) -> Result<i64, StoreError> {
+    Ok(sqlx::query_scalar!(
+        r#"SELECT coalesce(sum(groups), 0) AS "groups!: i64"
+           FROM (SELECT groups FROM leases INDEXED BY leases_active
+                 WHERE run = ? AND status = 'active' AND form = 'groups' AND purpose <> 'eval' LIMIT 16)"#,
+        run
+    )
+    .fetch_one(conn)
+    .await?)
+}
+
 /// Stores a lease with its groups, if it has any yet.
 ///
 /// # Errors

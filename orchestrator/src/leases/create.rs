@@ -23,7 +23,7 @@ use crate::engine::run_state::RunState;
 use crate::engine::run_tx::RunTx;
 use crate::engine::write_tx::WriteTx;
 use crate::leases::group_row::{GroupTerms, ProposedGroup, proposed_group};
-use crate::leases::proposal_queue::{self, QUEUE_TARGET};
+use crate::leases::proposal_queue;
 use crate::leases::scenario_cache::ScenarioCache;
 use crate::metrics::LeaseEvent;
 use crate::runs::settings::{MAX_GROUP_SIZE, RunSettings};
@@ -188,7 +188,7 @@ impl Change for CreateLease {
             }
             _ => None,
         };
-        proposal_queue::fill(&mut run, QUEUE_TARGET).await?;
+        proposal_queue::fill(&mut run, 0).await?;
         run.emit(&RunEvent::lease(&row, LeaseEvent::Created))?;
         Ok(Some(GrantedLease { row, groups, scenarios }))
     }
@@ -241,7 +241,7 @@ impl CreateLease {
         let mut head = proposals::head(run.conn, self.run.as_str(), count as i64).await?;
         if head.len() < count {
             // The lease is larger than the queue usually is, or queued proposals were discarded as unsolvable.
-            proposal_queue::fill(run, QUEUE_TARGET.max(self.groups)).await?;
+            proposal_queue::fill(run, self.groups).await?;
             head = proposals::head(run.conn, self.run.as_str(), count as i64).await?;
         }
         if head.iter().any(|queued| queued.scenario.is_none()) {

@@ -1,20 +1,25 @@
 //! Queue of a run's proposals: it is kept filled, so that scenarios are prepared before they are leased.
 
-use store::{from_json, proposals, to_u64};
+use store::{from_json, leases, proposals, to_u64};
 
 use crate::engine::error::ServiceError;
 use crate::engine::run_tx::RunTx;
 use crate::engine::signals::Signal;
 use curriculum::Proposal;
 
-/// Number of proposals that wait while no lease asks for more.
-pub(crate) const QUEUE_TARGET: u32 = 64;
+/// Least and largest number of proposals that wait while no lease asks for more.
+const TARGETS: (i64, i64) = (8, 64);
+/// Number of waiting proposals for each group that trainers hold. A longer queue would cost preparations that no trainer may ever
+/// need, and would serve proposals that know less of the latest outcomes.
+const WAITING_PER_HELD_GROUP: i64 = 4;
 
-/// Proposes until `want` proposals wait. The moment of a proposal depends only on the sequence of changes, never on workers: a
-/// restarted server proposes what it would have proposed.
+/// Proposes until as many proposals wait as the trainers of the run need, and at least `want`. The moment of a proposal depends only
+/// on the sequence of changes, never on workers: a restarted server proposes what it would have proposed.
 pub(crate) async fn fill(run: &mut RunTx<'_>, want: u32) -> Result<(), ServiceError> {
     let waiting = proposals::count_waiting(run.conn, &run.state.run).await?;
-    let missing = i64::from(want) - waiting;
+    let held = leases::active_groups(run.conn, &run.state.run).await?;
+    let target = held.saturating_mul(WAITING_PER_HELD_GROUP).clamp(TARGETS.0, TARGETS.1);
+    let missing = target.max(i64::from(want)) - waiting;
     if missing > 0 {
         run.state.propose(run.conn, run.now, to_u64(missing)).await?;
         run.outbox.signal(Signal::Prepare);
@@ -27,7 +32,7 @@ pub(crate) async fn rebuild(run: &mut RunTx<'_>) -> Result<(), ServiceError> {
     let waiting = proposals::head(run.conn, &run.state.run, i64::MAX).await?;
     let waiting: Vec<i64> = waiting.into_iter().map(|queued| queued.seq).collect();
     proposals::drop_all(run.conn, &run.state.run, &waiting).await?;
-    fill(run, QUEUE_TARGET).await
+    fill(run, 0).await
 }
 
 /// Discards the proposals that a level move made stale, and fills the queue again.
@@ -40,5 +45,5 @@ pub(crate) async fn drop_stale(run: &mut RunTx<'_>) -> Result<(), ServiceError> 
         }
     }
     proposals::drop_all(run.conn, &run.state.run, &stale).await?;
-    fill(run, QUEUE_TARGET).await
+    fill(run, 0).await
 }

@@ -9,7 +9,6 @@ use crate::engine::error::ServiceError;
 use crate::engine::run_tx::RunTx;
 use crate::leases::group_row::{GroupTerms, ProposedGroup, proposed_group};
 use crate::leases::proposal_queue;
-use crate::leases::proposal_queue::QUEUE_TARGET;
 
 /// Adds `count` groups to what a lease is owed, and grants what is owed as far as scenarios are prepared.
 pub(crate) async fn request_refill(
@@ -49,7 +48,7 @@ pub(crate) async fn grant_refills(run: &mut RunTx<'_>) -> Result<Vec<GroupRefill
         refills::add_given(run.conn, PendingRefill { lease: id, groups: rows.len() as i64 }).await?;
         granted
             .push(GroupRefill { lease: lease.name(), groups: rows.iter().map(|row| row.number).collect() });
-        proposal_queue::fill(run, QUEUE_TARGET).await?;
+        proposal_queue::fill(run, 0).await?;
     }
     Ok(granted)
 }
