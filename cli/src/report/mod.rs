@@ -46,7 +46,7 @@ pub struct Args {
     /// Path of the report, which ends in .html or .pdf; an existing file is overwritten
     #[arg(long, value_name = "FILE", default_value = "report.html")]
     out: PathBuf,
-    /// Folder for the figures of the comparison, each as SVG, PDF and CSV
+    /// Folder for the figures of the comparison, each as SVG, PNG, PDF and CSV
     #[arg(long, value_name = "DIR")]
     figures: Option<PathBuf>,
     /// Rule by which the runs of a comparison form groups, whose curves are averaged

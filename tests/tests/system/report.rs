@@ -104,6 +104,8 @@ async fn report_compares_runs() {
     assert!(csv.lines().count() > 100);
     let svg = std::fs::read_to_string(format!("{figures}/kessler-survival-level.svg")).unwrap();
     assert!(svg.starts_with("<svg") && svg.contains("strategy ladder (2 runs)"), "{svg}");
+    let png = std::fs::read(format!("{figures}/kessler-survival-level.png")).unwrap();
+    assert!(png.starts_with(b"\x89PNG") && png.len() > 10_000, "{} bytes", png.len());
     // One run has a PDF document, too; the groups and the axis are the user's choice.
     let one = report(&["a", "--db", &db, "--out", &pdf, "--x", "steps"]);
     assert!(String::from_utf8_lossy(&one.stdout).contains("comparison of 1 run with"), "{one:?}");

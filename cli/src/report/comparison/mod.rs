@@ -12,6 +12,7 @@ mod groups;
 mod page;
 mod pdf;
 mod pdf_page;
+mod png;
 mod settings;
 mod tables;
 
