@@ -1,9 +1,9 @@
 -- Alerts: conditions that an operator should know of, and what the webhook was told. Written by the alert worker.
 CREATE TABLE alerts (
     id              INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
-    rule            TEXT    NOT NULL, -- 'no_results', 'missing_share', 'low_disk', 'level_down' or 'evaluation_worse'
+    rule            TEXT    NOT NULL, -- 'no_results', 'missing_share', 'low_disk', 'level_down', 'evaluation_worse' or 'worker_lost'
     run             TEXT    REFERENCES runs (id), -- NULL for the server as a whole
-    subject         TEXT    NOT NULL, -- part of the run that the alert is about, such as a task; empty for the whole of it
+    subject         TEXT    NOT NULL, -- such as a task of the run, or a worker; empty for the run or the server as a whole
     message         TEXT    NOT NULL, -- a sentence
     began_at        INTEGER NOT NULL,
     ended_at        INTEGER, -- NULL while the condition lasts; began_at for an event, which does not last

@@ -17,6 +17,8 @@ pub enum AlertRule {
     LevelDown,
     /// A policy is worse than the version before it.
     EvaluationWorse,
+    /// A worker on another machine takes no jobs any more.
+    WorkerLost,
 }
 
 /// State of the message to the webhook.

@@ -10,7 +10,7 @@ use orchestrator::alerts::{AlertRules, AlertSettings, MessageFormat, Webhook};
 pub struct AlertArgs {
     /// Rules that are on, with commas between them, or `all` or `none`: no_results=15 (minutes of an active run),
     /// missing_share=0.2 (of a task's episodes), low_disk=1024 (MiB), level_down, evaluation_worse (than that of the policy
-    /// version before). A rule without a value has the default that is shown here
+    /// version before), worker_lost (on another machine). A rule without a value has the default that is shown here
     #[arg(
         long,
         value_name = "RULES",

@@ -32,7 +32,7 @@ macro_rules! convert_enum {
     };
 }
 
-convert_enum!(alerts::AlertRule => api::AlertRule { NoResults, MissingShare, LowDisk, LevelDown, EvaluationWorse });
+convert_enum!(alerts::AlertRule => api::AlertRule { NoResults, MissingShare, LowDisk, LevelDown, EvaluationWorse, WorkerLost });
 convert_enum!(columns::ClaimState => api::ClaimState { Claimed, Accepted, Refused, Unproven });
 convert_enum!(curriculum::LevelMoveKind => api::LevelMoveKind { Placement, Up, Down });
 convert_enum!(design_requests::DesignerKind => api::DesignerKind { Llm, Procedural });

@@ -20,6 +20,8 @@ text_enum! {
         LevelDown = "level_down",
         /// A policy is worse than the version before it.
         EvaluationWorse = "evaluation_worse",
+        /// A worker on another machine takes no jobs any more.
+        WorkerLost = "worker_lost",
     }
 }
 

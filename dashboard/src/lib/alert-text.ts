@@ -8,6 +8,7 @@ export const RULE_NAMES: Record<Alert["rule"], string> = {
   low_disk: "Disk nearly full",
   level_down: "Level down",
   evaluation_worse: "Evaluation worse",
+  worker_lost: "Worker lost",
 };
 
 /** Returns what the webhook knows of an alert. */

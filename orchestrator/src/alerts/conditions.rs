@@ -2,14 +2,17 @@
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use api_types::{ComparisonEstimates, Estimate, SuiteSection};
 use clock::Millis;
+use job_queue::JobQueue;
 use sqlx::SqliteConnection;
 use store::StoreError;
 use store::alert_conditions::{self as conditions, SuccessiveEvaluations};
 use store::alerts::{AlertRow, AlertRule, NewAlert};
 
+use super::lost_workers::{ALL_WORKERS, LostWorkers};
 use super::rules::AlertRules;
 use crate::disk_space::free_bytes;
 use crate::engine::error::ServiceError;
@@ -36,8 +39,11 @@ pub(crate) struct ConditionReader {
     pub(crate) rules: AlertRules,
     /// Folder of the database.
     pub(crate) folder: PathBuf,
+    /// Queue that knows the workers on other machines.
+    pub(crate) queue: Arc<dyn JobQueue>,
+    lost_workers: LostWorkers,
     /// Comparisons of evaluations so far, by the later one, with the message if it is worse.
-    pub(crate) compared: HashMap<i64, Option<String>>,
+    compared: HashMap<i64, Option<String>>,
 }
 
 /// Alerts that last, by their keys.
@@ -70,6 +76,11 @@ fn alert_of_run(rule: AlertRule, run: &str, subject: String, message: String) ->
 }
 
 impl ConditionReader {
+    /// Creates a reader that has compared no evaluations yet.
+    pub(crate) fn new(rules: AlertRules, folder: PathBuf, queue: Arc<dyn JobQueue>) -> Self {
+        Self { rules, folder, queue, lost_workers: LostWorkers::default(), compared: HashMap::new() }
+    }
+
     /// Returns the alerts whose conditions hold, and the events of the last hour.
     pub(crate) async fn read(
         &mut self,
@@ -80,6 +91,10 @@ impl ConditionReader {
         let mut alerts = self.stalled_runs(conn, now).await?;
         alerts.extend(self.missing_shares(conn, lasting, now).await?);
         alerts.extend(self.low_disk(lasting));
+        if self.rules.worker_lost {
+            let all = AlertKey { rule: AlertRule::WorkerLost, run: None, subject: ALL_WORKERS.to_owned() };
+            alerts.extend(self.lost_workers.find(&self.queue.status(), lasting.contains_key(&all)));
+        }
         if self.rules.level_down {
             alerts.extend(level_drops(conn, now).await?);
         }

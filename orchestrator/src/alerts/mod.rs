@@ -4,6 +4,7 @@
 //! alerts that last, and [`webhook`] sends messages. The worker is `workers::alert`.
 
 pub mod conditions;
+mod lost_workers;
 pub mod rules;
 pub mod update;
 pub mod webhook;

@@ -23,6 +23,8 @@ pub struct AlertRules {
     pub level_down: bool,
     /// True if evaluations are reported that are worse than those of the version before.
     pub evaluation_worse: bool,
+    /// True if lost workers on other machines are reported.
+    pub worker_lost: bool,
 }
 
 /// A text that is no list of rules.
@@ -54,6 +56,7 @@ impl Default for AlertRules {
             low_disk: Some(1024 * MIB),
             level_down: true,
             evaluation_worse: true,
+            worker_lost: true,
         }
     }
 }
@@ -66,6 +69,7 @@ impl AlertRules {
         low_disk: None,
         level_down: false,
         evaluation_worse: false,
+        worker_lost: false,
     };
 }
 
@@ -99,6 +103,7 @@ impl FromStr for AlertRules {
                 }
                 AlertRule::LevelDown => rules.level_down = without_value(rule, value)?,
                 AlertRule::EvaluationWorse => rules.evaluation_worse = without_value(rule, value)?,
+                AlertRule::WorkerLost => rules.worker_lost = without_value(rule, value)?,
             }
         }
         Ok(rules)
@@ -162,7 +167,7 @@ mod tests {
         for (text, message) in [
             (
                 "",
-                "\"\" is no rule; the rules are no_results, missing_share, low_disk, level_down, evaluation_worse, `all` or `none`",
+                "\"\" is no rule; the rules are no_results, missing_share, low_disk, level_down, evaluation_worse, worker_lost, `all` or `none`",
             ),
             ("no_results=0", "no_results takes minutes from 1 to 1439, got \"0\""),
             ("low_disk=-1", "low_disk takes MiB from 1 to 17592186044415, got \"-1\""),

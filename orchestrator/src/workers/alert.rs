@@ -1,9 +1,11 @@
 //! Checks the rules of alerts, and sends their messages to the webhook.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use clock::Clock;
+use job_queue::JobQueue;
 use sqlx::SqlitePool;
 use store::alerts;
 
@@ -25,6 +27,7 @@ pub(super) struct AlertWorker {
     pub(super) writer: Writer,
     pub(super) clock: Clock,
     pub(super) settings: AlertSettings,
+    pub(super) queue: Arc<dyn JobQueue>,
     /// Folder of the database.
     pub(super) folder: PathBuf,
 }
@@ -33,7 +36,7 @@ impl AlertWorker {
     /// Runs until the writer stops.
     pub(super) async fn run(self) {
         let AlertSettings { rules, .. } = self.settings;
-        let mut reader = ConditionReader { rules, folder: self.folder.clone(), compared: HashMap::new() };
+        let mut reader = ConditionReader::new(rules, self.folder.clone(), Arc::clone(&self.queue));
         loop {
             match self.run_round(&mut reader).await {
                 Ok(()) => {}

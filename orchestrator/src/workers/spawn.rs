@@ -141,6 +141,7 @@ impl WorkerConfig {
             writer: self.lease_service.writer.clone(),
             clock: self.clock.clone(),
             settings: self.alerts.clone(),
+            queue: Arc::clone(&self.lease_service.audits.queue),
             folder: self.folder.clone(),
         }
     }

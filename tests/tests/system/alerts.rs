@@ -116,8 +116,13 @@ async fn stalled_run_begins_an_alert_that_results_end() {
     train(&server.api(), 1).await;
     let ended = receiver.message(2).await;
     assert_eq!((&ended["state"], &ended["alert"]), (&json!("ended"), &began["alert"]));
-    let page = server.api().get("/v1/alerts?run=r").await.expect(200);
-    assert_eq!((&page["lasting"], &page["alerts"][0]["message_state"]), (&json!(0), &json!("sent")));
+    // The server stores that the message was taken after the receiver has it.
+    wait_for("the end is sent", async || {
+        let page = server.api().get("/v1/alerts?run=r").await.expect(200);
+        assert_eq!(page["lasting"], 0);
+        (page["alerts"][0]["message_state"] == "sent").then_some(())
+    })
+    .await;
     // A paused run is not reported.
     let _ = server.api().post("/v1/runs/r/pause", json!({})).await.expect(200);
     advance(&time, 16 * MINUTE);

@@ -50,6 +50,14 @@ async fn operators_see_workers_join_and_leave() {
     wait_until("the worker stalls", async || cluster.list().await["workers"][0]["state"] == "stalled").await;
     assert_eq!(api.get("/readyz").await.expect(200)["status"], "degraded");
     train_round(&cluster, 1).await;
+    wait_until("the loss is an alert", async || {
+        let page = api.get("/v1/alerts?lasting=true").await.expect(200);
+        page["alerts"].as_array().unwrap().iter().any(|alert| {
+            let message = alert["message"].as_str().unwrap();
+            alert["rule"] == "worker_lost" && message.contains("no worker is connected")
+        })
+    })
+    .await;
     let db = cluster.db();
     wait_until("the run has the warnings", async || {
         let messages = stored_state::warnings(&db).await;
