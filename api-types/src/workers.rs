@@ -11,6 +11,9 @@ pub struct RemoteWorkerList {
     /// Why the server does all jobs itself although it was started with `--nats`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub degraded: Option<String>,
+    /// Number of jobs that were sent to workers and have no result yet.
+    #[schema(minimum = 0)]
+    pub waiting: usize,
     /// Workers by id. A worker that ended is not in the list.
     pub workers: Vec<RemoteWorker>,
     /// Counters since the start of the server.

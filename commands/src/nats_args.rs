@@ -20,9 +20,12 @@ pub struct NatsArgs {
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "NATS")]
 pub struct NatsAccountArgs {
-    /// File with the credentials of a NATS account (.creds), if the NATS server requires one
+    /// File with the credentials of a NATS account (.creds) or the seed of an nkey (SU…), if the NATS server requires one
     #[arg(long, value_name = "FILE", env = "SPARRING_NATS_CREDS", hide_env_values = true)]
     nats_creds: Option<PathBuf>,
+    /// File with the certificate authorities of the NATS server, in PEM (default: those of the system)
+    #[arg(long, value_name = "FILE", env = "SPARRING_NATS_CA", hide_env_values = true)]
+    nats_ca: Option<PathBuf>,
     /// Name under which servers and workers find each other: letters, digits, `-` and `_`
     #[arg(
         long,
@@ -49,6 +52,7 @@ impl NatsAccountArgs {
         NatsConfig {
             url: url.to_owned(),
             credentials: self.nats_creds.clone(),
+            authorities: self.nats_ca.clone(),
             cluster: self.nats_name.clone(),
         }
     }

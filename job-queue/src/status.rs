@@ -11,6 +11,8 @@ pub struct QueueStatus {
     pub is_distributed: bool,
     /// Why the server does all jobs itself although workers are configured; `None` if workers do jobs.
     pub degraded: Option<String>,
+    /// Number of jobs that were sent to workers and have no result yet.
+    pub waiting: usize,
     /// Known workers, by id.
     pub workers: Vec<WorkerStatus>,
     /// Counters since the start of the server.

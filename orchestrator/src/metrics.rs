@@ -111,6 +111,7 @@ fn describe_operation() {
     );
     describe_gauge!("sparring_remote_workers", "Workers on other machines, by state.");
     describe_gauge!("sparring_remote_degraded", "1 if --nats is set and no worker does jobs, else 0.");
+    describe_gauge!("sparring_remote_jobs_waiting", "Jobs that were sent to workers and have no result yet.");
     describe_counter!("sparring_remote_jobs_total", "Jobs since the start, by where they were done.");
     describe_counter!("sparring_remote_results_ignored_total", "Results of workers that were ignored.");
     describe_counter!("sparring_remote_verified_total", "Results of workers that the server recomputed.");
@@ -299,7 +300,8 @@ impl Drop for BusyGuard {
 
 /// Sets the metrics of workers on other machines; nothing is set for a server without them.
 pub fn set_remote_workers(status: &QueueStatus) {
-    let QueueStatus { is_distributed: true, degraded, workers, counters } = status else { return };
+    let QueueStatus { is_distributed: true, degraded, waiting, workers, counters } = status else { return };
+    gauge!("sparring_remote_jobs_waiting").set(*waiting as f64);
     gauge!("sparring_remote_degraded").set(f64::from(u8::from(degraded.is_some())));
     for state in [WorkerState::Active, WorkerState::Stalled, WorkerState::Refused, WorkerState::Expelled] {
         let count = workers.iter().filter(|worker| worker.state == state).count();

@@ -15,10 +15,30 @@ use crate::{ApiClient, ServerProcess, sparring_binary, wait_until};
 pub struct WorkerProcess(Child);
 
 impl WorkerProcess {
-    fn start(nats: &NatsServer, host: &str) -> Self {
+    /// Starts a worker that does one job at a time.
+    ///
+    /// # Panics
+    /// Panics if the process does not start.
+    #[must_use]
+    pub fn start(nats: &NatsServer, host: &str) -> Self {
+        Self::start_with_options(&["--nats", &nats.url(), "--host", host])
+    }
+
+    /// Starts a worker with other options, that does one job at a time.
+    ///
+    /// # Panics
+    /// Panics if the process does not start.
+    #[must_use]
+    pub fn start_with_options(options: &[&str]) -> Self {
         let mut command = Command::new(sparring_binary());
-        command.args(["worker", "--nats", &nats.url(), "--concurrency", "1", "--host", host]);
+        command.args(["worker", "--concurrency", "1"]).args(options);
         Self(command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("the worker starts"))
+    }
+
+    /// Returns the id of the process.
+    #[must_use]
+    pub fn pid(&self) -> u32 {
+        self.0.id()
     }
 }
 
@@ -27,6 +47,14 @@ impl Drop for WorkerProcess {
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
+}
+
+/// Options of a server that sends every job to workers, takes it back after a second, and verifies a tenth of the results.
+#[must_use]
+pub fn nats_options(url: &str) -> Vec<String> {
+    ["--nats", url, "--nats-min-job", "0", "--nats-patience", "1", "--nats-verify", "0.1"]
+        .map(str::to_owned)
+        .to_vec()
 }
 
 /// A server with its database, its workers, and the NATS server between them.
@@ -68,13 +96,8 @@ impl WorkerCluster {
     /// # Panics
     /// Panics if the server does not start.
     pub fn start_server(&mut self) {
-        let url = self.nats.as_ref().map(NatsServer::url);
-        let options = match &url {
-            Some(url) => {
-                vec!["--nats", url, "--nats-min-job", "0", "--nats-patience", "1", "--nats-verify", "0.1"]
-            }
-            None => Vec::new(),
-        };
+        let options = self.nats.as_ref().map_or_else(Vec::new, |nats| nats_options(&nats.url()));
+        let options: Vec<&str> = options.iter().map(String::as_str).collect();
         self.server = Some(ServerProcess::start_with_options(&self.db(), &options));
     }
 

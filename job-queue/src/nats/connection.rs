@@ -1,6 +1,6 @@
 //! Connections to NATS, for servers and workers.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use async_nats::{Client, ConnectOptions, Event};
@@ -16,8 +16,10 @@ const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 pub struct NatsConfig {
     /// URL of a NATS server, or several with commas between them.
     pub url: String,
-    /// File with the credentials of a NATS account, if the server requires one.
+    /// File with the credentials of a NATS account, or with the seed of an nkey, if the server requires one.
     pub credentials: Option<PathBuf>,
+    /// File with the certificate authorities of the server, in PEM; those of the system if there is none.
+    pub authorities: Option<PathBuf>,
     /// Name under which servers and workers find each other.
     pub cluster: ClusterName,
 }
@@ -57,9 +59,11 @@ impl Connection {
         );
         let options = match &config.credentials {
             None => options,
-            Some(file) => options.credentials_file(file).await.map_err(|error| {
-                NatsError(format!("the credentials {} cannot be read: {error}", file.display()))
-            })?,
+            Some(file) => with_credentials(options, file)?,
+        };
+        let options = match &config.authorities {
+            None => options,
+            Some(file) => options.add_root_certificates(file.clone()),
         };
         let addresses: Vec<&str> = config.url.split(',').map(str::trim).collect();
         let client = options.connect(addresses).await;
@@ -71,5 +75,16 @@ impl Connection {
     pub(crate) async fn interrupted(&mut self) {
         // An error means that the client is gone, which is an interruption too.
         let _ = self.interrupted.wait_for(|interrupted| *interrupted).await;
+    }
+}
+
+/// Adds the credentials of a file: a token with its key, as NATS accounts have them (`.creds`), or the seed of an nkey (`SU…`).
+fn with_credentials(options: ConnectOptions, file: &Path) -> Result<ConnectOptions, NatsError> {
+    let invalid =
+        |error: String| NatsError(format!("the credentials {} cannot be used: {error}", file.display()));
+    let text = std::fs::read_to_string(file).map_err(|error| invalid(error.to_string()))?;
+    match text.trim() {
+        seed if seed.starts_with("SU") => Ok(options.nkey(seed.to_owned())),
+        credentials => options.credentials(credentials).map_err(|error| invalid(error.to_string())),
     }
 }

@@ -79,7 +79,7 @@ AlertMessageState: TypeAlias = Literal["none", "waiting", "sent", "given_up"]
 """State of the message to the webhook."""
 
 
-AlertRule: TypeAlias = Literal["no_results", "missing_share", "low_disk", "level_down", "evaluation_worse"]
+AlertRule: TypeAlias = Literal["no_results", "missing_share", "low_disk", "level_down", "evaluation_worse", "worker_lost"]
 """Rule by which an alert begins."""
 
 
@@ -2525,6 +2525,8 @@ class RemoteWorkerList(TypedDict):
     """Why the server does all jobs itself although it was started with `--nats`."""
     distributed: bool
     """True if the server was started with `--nats`, so that workers on other machines can do its jobs."""
+    waiting: int
+    """Number of jobs that were sent to workers and have no result yet."""
     workers: list[RemoteWorker]
     """Workers by id. A worker that ended is not in the list."""
 

@@ -152,6 +152,7 @@ impl JobQueue for NatsQueue {
         QueueStatus {
             is_distributed: true,
             degraded: shared.degraded(),
+            waiting: shared.pending.len(),
             workers: shared.registry.lock().list(),
             counters: *shared.counters.lock(),
         }

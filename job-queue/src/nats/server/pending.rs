@@ -98,6 +98,11 @@ impl PendingJobs {
         }
     }
 
+    /// Number of jobs of all kinds.
+    pub(super) fn len(&self) -> usize {
+        self.jobs.lock().len()
+    }
+
     /// Number of jobs of a kind.
     pub(super) fn count(&self, kind: JobKind) -> usize {
         self.jobs.lock().values().filter(|job| job.kind == kind).count()

@@ -19,10 +19,12 @@ pub(super) async fn list_workers(
     State(app): State<AppState>,
     _: NoQuery,
 ) -> Result<axum::Json<RemoteWorkerList>, Problem> {
-    let QueueStatus { is_distributed, degraded, workers, counters } = app.lease_service.audits.queue.status();
+    let QueueStatus { is_distributed, degraded, waiting, workers, counters } =
+        app.lease_service.audits.queue.status();
     Ok(axum::Json(RemoteWorkerList {
         distributed: is_distributed,
         degraded,
+        waiting,
         workers: workers.into_iter().map(worker).collect(),
         counters: job_counters(counters),
     }))
