@@ -7,7 +7,7 @@ use system_tests::crash::{CrashPlan, CrashWorld, StopCondition, run_crash_test};
 
 use crate::Row;
 
-pub(crate) fn measure(minutes: u32, world: CrashWorld) -> anyhow::Result<Vec<Row>> {
+pub(crate) fn measure(minutes: u32, world: CrashWorld, workers: usize) -> anyhow::Result<Vec<Row>> {
     let folder = tempfile::tempdir()?;
     // The control file of the faults is beside the folder of the database.
     let data = folder.path().join("data");
@@ -24,6 +24,7 @@ pub(crate) fn measure(minutes: u32, world: CrashWorld) -> anyhow::Result<Vec<Row
         tls: true,
         faults: cfg!(target_os = "linux"),
         compacts: true,
+        workers,
         progress_interval_s: 60,
     };
     writeln!(std::io::stderr(), "seed {}", plan.seed)?;
@@ -31,7 +32,10 @@ pub(crate) fn measure(minutes: u32, world: CrashWorld) -> anyhow::Result<Vec<Row
         tokio::runtime::Runtime::new()?.block_on(run_crash_test(&data.join("survivor.sqlite3"), plan))?;
     writeln!(std::io::stdout(), "{report}")?;
     Ok(vec![Row {
-        label: format!("{minutes} minutes, {} servers killed: lost acknowledged results", report.kills),
+        label: format!(
+            "{minutes} minutes, {} processes killed: lost acknowledged results",
+            report.kills + report.worker_kills + report.nats_kills
+        ),
         measured: "0".into(),
         goal: "0".into(),
         ratio: None,

@@ -181,6 +181,9 @@ impl AcknowledgementLog {
         let report = CrashReport {
             kills: exits.kills,
             stops: exits.stops,
+            worker_kills: exits.remote.workers,
+            nats_kills: exits.remote.nats,
+            remote_jobs: exits.remote.jobs,
             unreachable: log.unreachable,
             resumed: log.resumed,
             vectors: log.vectors.values().sum::<u64>(),
@@ -262,6 +265,12 @@ pub struct CrashReport {
     pub kills: u32,
     /// Number of servers that were stopped with SIGTERM.
     pub stops: u32,
+    /// Number of workers on NATS that were killed.
+    pub worker_kills: u32,
+    /// Number of NATS servers that were killed.
+    pub nats_kills: u32,
+    /// Number of jobs whose results came from workers.
+    pub remote_jobs: u64,
     /// Number of requests that found no server.
     pub unreachable: u64,
     /// Number of sessions that were resumed after a lost connection.
@@ -292,6 +301,11 @@ impl fmt::Display for CrashReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{:<52} {:>9}", "servers killed (SIGKILL)", self.kills)?;
         writeln!(f, "{:<52} {:>9}", "servers stopped (SIGTERM)", self.stops)?;
+        if self.worker_kills > 0 {
+            writeln!(f, "{:<52} {:>9}", "workers killed (SIGKILL)", self.worker_kills)?;
+            writeln!(f, "{:<52} {:>9}", "NATS servers killed (SIGKILL)", self.nats_kills)?;
+            writeln!(f, "{:<52} {:>9}", "jobs that workers did", self.remote_jobs)?;
+        }
         writeln!(f, "{:<52} {:>9}", "requests without a response, sent again", self.unreachable)?;
         writeln!(f, "{:<52} {:>9}", "sessions resumed after a lost connection", self.resumed)?;
         writeln!(f, "{:<52} {:>9}", "episodes acknowledged by binary frames, all stored", self.vectors)?;

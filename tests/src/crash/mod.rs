@@ -9,6 +9,7 @@ mod faults;
 mod progress;
 mod sessions;
 mod trainers;
+mod workers;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -24,7 +25,8 @@ pub use self::acknowledgements::{AcknowledgementLog, CrashReport};
 use self::faults::RandomFaults;
 pub use self::progress::CurriculumProgress;
 use self::trainers::Trainer;
-use crate::{ApiClient, TlsFiles, try_wait_for};
+use self::workers::{RandomWorkers, RemoteExits};
+use crate::{ApiClient, ServerProcess, TlsFiles, try_wait_for};
 
 /// Id of the run that all trainers use.
 const RUN: &str = "survivor";
@@ -129,6 +131,8 @@ pub struct CrashPlan {
     pub tls: bool,
     /// True if the disk is full, a sync fails or another process locks the database when some servers are killed. Linux only.
     pub faults: bool,
+    /// Number of workers on NATS; with any, they and NATS are killed, too.
+    pub workers: usize,
     /// Interval of progress lines on stderr, in seconds; 0 prints none.
     pub progress_interval_s: u64,
 }
@@ -140,6 +144,56 @@ struct ServerExits {
     kills: u32,
     /// Number of exits by SIGTERM.
     stops: u32,
+    /// Exits of the processes beside the server.
+    remote: RemoteExits,
+}
+
+/// Processes that a crash test kills and starts again.
+struct KilledProcesses {
+    plan: CrashPlan,
+    faults: RandomFaults,
+    workers: RandomWorkers,
+    /// Address of the server, the same after each start.
+    address: String,
+    options: Vec<String>,
+    server: Option<ServerProcess>,
+    exits: ServerExits,
+}
+
+impl KilledProcesses {
+    /// Starts the first server, and the workers if the plan has some.
+    fn start(db: &Path, plan: CrashPlan, tls: Option<&TlsFiles>) -> anyhow::Result<Self> {
+        let (faults, workers) = (RandomFaults::new(db, plan.faults)?, RandomWorkers::start(plan.workers)?);
+        let mut options = tls.map_or_else(Vec::new, |tls| tls.serve_options().to_vec());
+        options.extend(workers.server_options());
+        let server = faults.start_server("127.0.0.1:0", &options);
+        let (address, exits) = (server.address().to_owned(), ServerExits::default());
+        Ok(Self { plan, faults, workers, address, options, server: Some(server), exits })
+    }
+
+    /// Lets the server live for a while.
+    async fn live(&mut self) {
+        let lifetime = draw_lifetime_ms(&self.plan, self.exits.kills + self.exits.stops);
+        // Tests the passing of time: the kill comes at a random moment.
+        self.faults.live(Duration::from_millis(lifetime), self.exits.kills).await;
+    }
+
+    /// Kills the server, or stops it every fifth time, kills some workers, and starts them again.
+    async fn kill_and_restart(&mut self, api: &ApiClient) -> anyhow::Result<()> {
+        self.workers.count_jobs(api).await;
+        let server = self.server.take().context("the server does not run")?;
+        if (self.exits.kills + self.exits.stops) % 5 == 4 {
+            ensure!(server.terminate() == Some(0), "the server did not exit with 0 after SIGTERM");
+            self.exits.stops += 1;
+        } else {
+            server.kill();
+            self.exits.kills += 1;
+        }
+        self.faults.clear().await;
+        self.workers.kill_some(self.exits.kills + self.exits.stops);
+        self.server = Some(self.faults.start_server(&self.address, &self.options));
+        Ok(())
+    }
 }
 
 /// Trains against a server that is killed and restarted, then compares acknowledgements with the database.
@@ -148,17 +202,51 @@ struct ServerExits {
 /// Returns an error if the server rejects a valid request, if a trainer fails, or if an acknowledged result is
 /// missing or counted twice.
 pub async fn run_crash_test(db: &Path, plan: CrashPlan) -> anyhow::Result<CrashReport> {
-    let mut faults = RandomFaults::new(db, plan.faults)?;
     let tls = plan.tls.then(TlsFiles::create);
-    let options = tls.as_ref().map_or_else(Vec::new, |tls| tls.serve_options().to_vec());
-    let mut server = faults.start_server("127.0.0.1:0", &options);
-    let address = server.address().to_owned();
+    let mut processes = KilledProcesses::start(db, plan, tls.as_ref())?;
+    let server = processes.server.as_ref().context("the server does not run")?;
     let api = tls.as_ref().map_or_else(|| server.api(), |tls| tls.api(server.url()));
     create_run(&api, plan).await?;
 
     let (log, stop) = (Arc::new(AcknowledgementLog::default()), Arc::new(AtomicBool::new(false)));
+    let mut trainers = spawn_trainers(|seed| Trainer::new(&api, &log, &stop, plan.world, seed), plan.world);
+    let (start, mut last_progress) = (Instant::now(), Instant::now());
+    let should_continue = |kills: u32| match plan.until {
+        StopCondition::Kills { kills: least, episodes } => kills < least || log.fewest_episodes() < episodes,
+        StopCondition::Time(duration) => start.elapsed() < duration,
+    };
+    while should_continue(processes.exits.kills) {
+        tokio::select! {
+            () = processes.live() => {}
+            Some(ended) = trainers.join_next() => {
+                ended??;
+                anyhow::bail!("a trainer ended before the test");
+            }
+        }
+        processes.kill_and_restart(&api).await?;
+        if plan.progress_interval_s > 0
+            && last_progress.elapsed() > Duration::from_secs(plan.progress_interval_s)
+        {
+            last_progress = Instant::now();
+            let (seconds, kills) = (start.elapsed().as_secs_f64(), processes.exits.kills);
+            print_progress(&format!("{seconds:>6.0} s, {kills} kills: {}", log.summary_line()))?;
+        }
+    }
+    stop.store(true, Ordering::SeqCst);
+    processes.workers.recover();
+    while let Some(ended) = trainers.join_next().await {
+        ended??;
+    }
+    let exits = ServerExits { remote: processes.workers.exits, ..processes.exits };
+    let report = drain_and_compare(&api, &log, exits).await?;
+    let server = processes.server.take().context("the server does not run")?;
+    ensure!(server.terminate() == Some(0), "the last server did not exit with 0 after SIGTERM");
+    Ok(report)
+}
+
+/// Starts the trainers of a world. Each has a seed.
+fn spawn_trainers(trainer: impl Fn(u64) -> Trainer, world: CrashWorld) -> JoinSet<anyhow::Result<()>> {
     let mut trainers = JoinSet::new();
-    let trainer = |seed| Trainer::new(&api, &log, &stop, plan.world, seed);
     trainers.spawn(trainer(1).report_results());
     trainers.spawn(trainer(2).report_results());
     trainers.spawn(trainer(3).claim_columns());
@@ -166,49 +254,10 @@ pub async fn run_crash_test(db: &Path, plan: CrashPlan) -> anyhow::Result<CrashR
     trainers.spawn(trainer(5).step_sessions());
     trainers.spawn(trainer(6).consume_trajectories());
     trainers.spawn(trainer(7).step_vectors());
-    if plan.world == CrashWorld::Tasking {
+    if world == CrashWorld::Tasking {
         trainers.spawn(trainer(8).report_probes());
     }
-
-    let (mut exits, start, mut last_progress) = (ServerExits::default(), Instant::now(), Instant::now());
-    let should_continue = |kills: u32| match plan.until {
-        StopCondition::Kills { kills: least, episodes } => kills < least || log.fewest_episodes() < episodes,
-        StopCondition::Time(duration) => start.elapsed() < duration,
-    };
-    while should_continue(exits.kills) {
-        let lifetime = draw_lifetime_ms(&plan, exits.kills + exits.stops);
-        tokio::select! {
-            // Tests the passing of time: the kill comes at a random moment.
-            () = faults.live(Duration::from_millis(lifetime), exits.kills) => {}
-            Some(ended) = trainers.join_next() => {
-                ended??;
-                anyhow::bail!("a trainer ended before the test");
-            }
-        }
-        if (exits.kills + exits.stops) % 5 == 4 {
-            ensure!(server.terminate() == Some(0), "the server did not exit with 0 after SIGTERM");
-            exits.stops += 1;
-        } else {
-            server.kill();
-            exits.kills += 1;
-        }
-        faults.clear().await;
-        server = faults.start_server(&address, &options);
-        if plan.progress_interval_s > 0
-            && last_progress.elapsed() > Duration::from_secs(plan.progress_interval_s)
-        {
-            last_progress = Instant::now();
-            let (seconds, kills) = (start.elapsed().as_secs_f64(), exits.kills);
-            print_progress(&format!("{seconds:>6.0} s, {kills} kills: {}", log.summary_line()))?;
-        }
-    }
-    stop.store(true, Ordering::SeqCst);
-    while let Some(ended) = trainers.join_next().await {
-        ended??;
-    }
-    let report = drain_and_compare(&api, &log, exits).await?;
-    ensure!(server.terminate() == Some(0), "the last server did not exit with 0 after SIGTERM");
-    Ok(report)
+    trainers
 }
 
 /// Creates the run and the policy of its server rollouts.

@@ -37,6 +37,7 @@ fn plan(world: CrashWorld, until: StopCondition) -> CrashPlan {
         compacts: false,
         tls: false,
         faults: false,
+        workers: 0,
         progress_interval_s: 0,
     }
 }
@@ -119,6 +120,20 @@ async fn acknowledged_results_survive_kills_and_count_once() {
             .unwrap();
     let stored: serde_json::Value = serde_json::from_str(&stored).unwrap();
     assert_eq!(serde_json::to_value(folded.snapshot()).unwrap(), stored);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn kills_of_servers_workers_and_nats_lose_nothing() {
+    if system_tests::nats_server::NatsServer::start().is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let until = StopCondition::Kills { kills: 12, episodes: 20 };
+    // Workers need a second or two to join again.
+    let plan = CrashPlan { workers: 2, max_lifetime_ms: 4000, ..plan(CrashWorld::Kessler, until) };
+    let report = run(&folder.path().join("survivor.sqlite3"), plan).await;
+    assert!(report.worker_kills >= 12 && report.nats_kills >= 4 && report.remote_jobs > 20, "{report}");
+    assert_eq!(report.by_interface.len(), 4, "{report}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
