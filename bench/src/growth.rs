@@ -6,12 +6,10 @@ use std::time::Instant;
 
 use serde_json::json;
 use system_tests::{ApiClient, ServerProcess};
-use tokio::task::JoinSet;
 
-use crate::{Row, results};
+use crate::Row;
+use crate::report_episodes::report_episodes;
 
-/// Number of concurrent trainers.
-const TRAINERS: usize = 3;
 /// Number of rows of the table.
 const ROWS: u64 = 10;
 /// Number of requests of each list; their median counts.
@@ -38,7 +36,7 @@ async fn run(episodes: u64, group_size: u32) -> anyhow::Result<Vec<Row>> {
     let (mut rows, mut done, start) = (Vec::new(), 0, Instant::now());
     let (mut bytes, mut slowest) = (0.0f64, 0.0f64);
     for line in 1..=ROWS {
-        done += report(&api, episodes * line / ROWS - done).await?;
+        done += report_episodes(&api, "bench", episodes * line / ROWS - done).await?;
         let lists = measure_lists(&api).await?;
         bytes = database_and_wal_bytes(&file)?;
         let (name, ms) = lists.iter().max_by(|a, b| a.1.total_cmp(&b.1)).cloned().unwrap_or_default();
@@ -66,28 +64,6 @@ async fn run(episodes: u64, group_size: u32) -> anyhow::Result<Vec<Row>> {
         ratio: Some((GOAL_BYTES / bytes).min(GOAL_MS / slowest)),
     });
     Ok(rows)
-}
-
-/// Reports at least `episodes` episodes and returns their number.
-async fn report(api: &ApiClient, episodes: u64) -> anyhow::Result<u64> {
-    let mut trainers: JoinSet<anyhow::Result<u64>> = JoinSet::new();
-    for _ in 0..TRAINERS {
-        let api = api.clone();
-        trainers.spawn(async move {
-            let mut done = 0;
-            while done < episodes / TRAINERS as u64 {
-                for body in results::lease_and_build_batches(&api, "bench").await? {
-                    done += results::send_batch(&api, "bench", body).await?;
-                }
-            }
-            Ok(done)
-        });
-    }
-    let mut done = 0;
-    while let Some(trainer) = trainers.join_next().await {
-        done += trainer??;
-    }
-    Ok(done)
 }
 
 /// Measures list requests of a run, at the start and at the end of long lists; returns names and milliseconds.

@@ -14,6 +14,7 @@ mod engine;
 mod growth;
 mod levels;
 mod load;
+mod report_episodes;
 mod results;
 mod scale;
 mod soak;
@@ -22,6 +23,7 @@ mod steal_time;
 mod stepping;
 mod steps;
 mod tasking;
+mod worker_swarm;
 mod workers;
 
 use std::io::Write;
@@ -36,15 +38,18 @@ struct Args {
     ///
     /// `soak` loads the server and watches its memory. `growth` reports ten million episodes and watches the database.
     /// `crash` kills servers under trainers of kessler and compares acknowledgements with the database, `crash-tasking` under
-    /// those of tasking. `load` runs 64 trainers.
+    /// those of tasking, and `crash-workers` also kills workers and NATS (after `scripts/nats`). `load` runs 64 trainers.
     /// `runs` fills a database with runs, `slow-clients` opens connections of one byte a second beside trainers, and
-    /// `large-database` measures start, lists, backup and vacuum with a database of ten GiB.
-    /// `workers` compares the server's CPU time for an audited result with a worker on NATS and without one (after `scripts/nats`).
+    /// `large-database` measures start, lists, backup and vacuum with a database of ten GiB. `charts` measures the requests of the
+    /// dashboard's charts, warm and cold, with ten million episodes in a thousand runs.
+    /// `workers` compares the server's CPU time for an audited result with a worker on NATS and without one, and
+    /// calculates results a second for up to 1 000 workers; `worker-swarm` simulates 1 000 idle and 200 busy ones (after
+    /// `scripts/nats`).
     /// `levels` prints the success of policies at every level. `learner` trains the demo's learner with and without the
     /// designer, for twenty minutes.
-    #[arg(value_parser = ["engine", "bracket", "critique", "curriculum", "steps", "results", "columns", "sockets", "stepping", "growth", "crash", "crash-tasking", "load", "soak", "runs", "slow-clients", "large-database", "designer", "learner", "levels", "tasking", "workers"])]
+    #[arg(value_parser = ["engine", "bracket", "critique", "curriculum", "steps", "results", "columns", "sockets", "stepping", "growth", "crash", "crash-tasking", "crash-workers", "load", "soak", "runs", "slow-clients", "large-database", "charts", "designer", "learner", "levels", "tasking", "workers", "worker-swarm"])]
     benchmarks: Vec<String>,
-    /// Duration of `soak`, `crash`, `crash-tasking` and `load`, in minutes
+    /// Duration of `soak`, `crash`, `crash-tasking`, `crash-workers` and `load`, in minutes
     #[arg(long, default_value_t = 10)]
     minutes: u32,
     /// Prefix of the names of the tasks that `levels` measures; default: all tasks
@@ -53,7 +58,7 @@ struct Args {
     /// First seed of the scenarios of `levels`
     #[arg(long, default_value_t = levels::FIRST_SEED)]
     first_seed: u64,
-    /// Number of episodes that `growth` reports
+    /// Number of episodes that `growth` reports, or that the database of `charts` has
     #[arg(long, default_value_t = 10_000_000)]
     episodes: u64,
     /// Episodes of each scenario of `growth`
@@ -93,18 +98,20 @@ pub(crate) struct Row {
     pub(crate) ratio: Option<f64>,
 }
 
+/// Does the work of a process that another benchmark started; `None` if this is no such process.
+fn answer_parent(args: &Args) -> anyhow::Result<Option<serde_json::Value>> {
+    if let Some(file) = &args.replay_check {
+        return designer::check_layouts(file).map(Some);
+    }
+    let turn = args.tasking_turn.as_ref();
+    turn.map(|environment| tasking::measure_turn(environment, args.turn_envs, args.turn_seconds)).transpose()
+}
+
 fn main() -> anyhow::Result<()> {
     let args = Args::parse();
     let mut out = std::io::stdout().lock();
-    if let Some(file) = &args.replay_check {
-        return Ok(writeln!(out, "{}", designer::check_layouts(file)?)?);
-    }
-    if let Some(environment) = &args.tasking_turn {
-        return Ok(writeln!(
-            out,
-            "{}",
-            tasking::measure_turn(environment, args.turn_envs, args.turn_seconds)?
-        )?);
+    if let Some(answer) = answer_parent(&args)? {
+        return Ok(writeln!(out, "{answer}")?);
     }
     let mut show = |rows: Vec<Row>| -> std::io::Result<()> {
         for row in rows {
@@ -134,17 +141,20 @@ fn main() -> anyhow::Result<()> {
         ("tasking", &tasking::measure),
     ];
     // These take minutes and run only if they are named.
-    let long: [(&str, Measure<'_>); 11] = [
+    let long: [(&str, Measure<'_>); 14] = [
         ("runs", &|| scale::many_runs::measure(args.runs)),
         ("slow-clients", &|| scale::slow_clients::measure(args.connections)),
+        ("charts", &|| scale::charts::measure(args.episodes)),
         ("large-database", &|| scale::large_database::measure(args.gib)),
         ("load", &|| load::measure(args.minutes)),
-        ("crash", &|| crash::measure(args.minutes, CrashWorld::Kessler)),
-        ("crash-tasking", &|| crash::measure(args.minutes, CrashWorld::Tasking)),
+        ("crash", &|| crash::measure(args.minutes, CrashWorld::Kessler, 0)),
+        ("crash-tasking", &|| crash::measure(args.minutes, CrashWorld::Tasking, 0)),
+        ("crash-workers", &|| crash::measure(args.minutes, CrashWorld::Kessler, 2)),
         ("growth", &|| growth::measure(args.episodes, args.group_size)),
         ("soak", &|| soak::measure(args.minutes)),
         ("learner", &designer::learner::measure),
         ("workers", &workers::measure),
+        ("worker-swarm", &worker_swarm::measure),
         ("levels", &|| levels::measure(&args.task, args.first_seed)),
     ];
     let is_named = |name: &str| args.benchmarks.iter().any(|benchmark| benchmark == name);

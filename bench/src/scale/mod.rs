@@ -1,5 +1,6 @@
-//! Scale of a server: many runs, many slow connections, a large database.
+//! Scale of a server: many runs, many slow connections, a large database, charts of many long runs.
 
+pub(crate) mod charts;
 pub(crate) mod large_database;
 pub(crate) mod many_runs;
 pub(crate) mod slow_clients;
@@ -41,4 +42,10 @@ async fn start_server(file: &Path) -> (ServerProcess, f64) {
 /// Row of a duration, in milliseconds, and its goal.
 fn goal_row(label: String, ms: f64, goal: f64) -> Row {
     Row { label, measured: format!("{ms:.1} ms"), goal: format!("≤ {goal:.0} ms"), ratio: Some(goal / ms) }
+}
+
+/// The 99th percentile of some times; the slowest of fewer than a hundred. It sorts them.
+fn p99(times: &mut [f64]) -> f64 {
+    times.sort_by(f64::total_cmp);
+    times.get(times.len() * 99 / 100).copied().unwrap_or(f64::NAN)
 }

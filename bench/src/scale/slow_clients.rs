@@ -10,6 +10,7 @@ use system_tests::scale::send_slowly;
 use system_tests::{ApiClient, ServerProcess};
 use tokio::task::JoinSet;
 
+use super::p99;
 use crate::sockets::process;
 use crate::{Row, results};
 
@@ -99,9 +100,4 @@ async fn train(api: &ApiClient) -> anyhow::Result<Vec<f64>> {
         times.extend(trained??);
     }
     Ok(times)
-}
-
-fn p99(times: &mut [f64]) -> f64 {
-    times.sort_by(f64::total_cmp);
-    times.get(times.len() * 99 / 100).copied().unwrap_or(f64::NAN)
 }
