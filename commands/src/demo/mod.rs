@@ -273,8 +273,12 @@ fn run_request(args: &Args, tasks: &[String], options: &TaskOptions) -> RunReque
         physics: Some(options.clone()),
         ..Default::default()
     };
+    let learner =
+        args.learner.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned());
     RunRequest {
-        name: Some("sparring demo".to_owned()),
+        // Runs of the learner and of its controls are told apart, and grouped, by their names and tags.
+        name: Some(format!("sparring demo: {learner}, seed {}", args.seed)),
+        tags: vec!["demo".to_owned(), format!("demo-{learner}")],
         seed: Some(args.seed),
         strategy: Some(StrategyKind::Ladder),
         target: Some(Target::Mastery),
