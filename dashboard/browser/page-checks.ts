@@ -45,7 +45,7 @@ export async function pagesOfTrainedRun(url: string, run: string): Promise<Recor
 
 /** Pages of a server whose only run, `new`, has no episodes. */
 export const PAGES_OF_EMPTY_RUN: Record<string, PageCase> = {
-  runs: { route: "/", text: "waiting" },
+  runs: { route: "/", text: "survival" },
   run: { route: "/runs/new", text: "No episodes yet" },
   "run-failures": { route: "/runs/new?tab=failures", text: "No episodes analysed yet" },
   "run-activity": { route: "/runs/new?tab=activity", text: "No level has moved" },
@@ -55,6 +55,7 @@ export const PAGES_OF_EMPTY_RUN: Record<string, PageCase> = {
   evaluations: { route: "/evaluations", text: "No evaluations yet" },
   alerts: { route: "/alerts", text: "There are no alerts" },
   server: { route: "/server", text: "Commit takes" },
+  workers: { route: "/workers", text: "does all jobs itself" },
 };
 
 /** Creates the run of `PAGES_OF_EMPTY_RUN`. */

@@ -5,8 +5,8 @@ import { tmpdir } from "node:os";
 import { join, resolve } from "node:path";
 import { fileURLToPath } from "node:url";
 
-const ROOT = fileURLToPath(new URL("../..", import.meta.url));
-const BINARY = resolve(process.env["SPARRING_BINARY"] ?? join(ROOT, "target/debug/sparring"));
+export const ROOT = fileURLToPath(new URL("../..", import.meta.url));
+export const BINARY = resolve(process.env["SPARRING_BINARY"] ?? join(ROOT, "target/debug/sparring"));
 const START_TIMEOUT_MS = 120_000;
 
 export class SparringServer {

@@ -16,6 +16,7 @@ export const routes = {
   "/evaluations/compare": wrap({ asyncComponent: () => import("./pages/Compare.svelte") }),
   "/evaluations/:evaluation": wrap({ asyncComponent: () => import("./pages/Evaluation.svelte") }),
   "/server": wrap({ asyncComponent: () => import("./pages/Server.svelte") }),
+  "/workers": wrap({ asyncComponent: () => import("./pages/Workers.svelte") }),
   "/alerts": wrap({ asyncComponent: () => import("./pages/Alerts.svelte") }),
   "/play": wrap({ asyncComponent: () => import("./pages/Play.svelte") }),
   "*": NotFound,

@@ -25,6 +25,9 @@ export const TERMS = {
   rung: "Step of difficulty of a task: a start rung, which is a value of the param start_scale, or a level.",
   chain:
     "Position on the rungs that a staircase moves up after a success and down after a failure. A task has many.",
+  job: "Work that any machine can compute from its message alone: the preparation of a scenario, the replay of results (audit), or a critique.",
+  "remote worker":
+    "Program `sparring worker` on another machine. It does jobs of the server and keeps nothing: it can be stopped at any time.",
   role: "Purpose of the scenario: current level (frontier), search for the initial level (placement), earlier levels (rehearsal), a designed layout, or the suite of an evaluation; other strategies have more.",
 } as const;
 
