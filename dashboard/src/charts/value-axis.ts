@@ -43,22 +43,28 @@ function quantile(sorted: number[], share: number): number {
   return (1 - (at % 1)) * low + (at % 1) * high;
 }
 
-/** Returns the values between the far fences: at most three interquartile ranges beyond the quartiles. */
-function withoutOutliers(values: number[], { scale }: ValueAxis): number[] {
-  if (values.length < MIN_VALUES) return values;
-  const position = (value: number) => (scale === "log" ? Math.log10(value) : value);
-  const sorted = values.map(position).sort((a, b) => a - b);
+/**
+ * Returns the far fences of the values: three interquartile ranges beyond the quartiles. Values beyond them are outliers. Null if no
+ * value counts as one: without clipping, and with too few values.
+ */
+export function fencesOf(columns: ValueColumns, axis: ValueAxis): Interval | null {
+  const values = drawable(columns, axis);
+  if (!axis.clip || values.length < MIN_VALUES) return null;
+  const isLog = axis.scale === "log";
+  const sorted = values.map((value) => (isLog ? Math.log10(value) : value)).sort((a, b) => a - b);
   const [low, high] = [quantile(sorted, 0.25), quantile(sorted, 0.75)];
   const reach = FENCE * (high - low);
   // Equal quartiles make every other value an outlier, which would hide a curve that seldom moves.
-  if (!(reach > 0) || !Number.isFinite(reach)) return values;
-  return values.filter((value) => position(value) >= low - reach && position(value) <= high + reach);
+  if (!(reach > 0) || !Number.isFinite(reach)) return null;
+  const [from, to] = [low - reach, high + reach];
+  return isLog ? { from: 10 ** from, to: 10 ** to } : { from, to };
 }
 
 /** Returns the interval of the values that the axis shows; null if there are none. */
 export function extentOf(columns: ValueColumns, axis: ValueAxis): Interval | null {
+  const fences = fencesOf(columns, axis);
   const all = drawable(columns, axis);
-  const values = axis.clip ? withoutOutliers(all, axis) : all;
+  const values = fences ? all.filter((value) => value >= fences.from && value <= fences.to) : all;
   if (values.length === 0) return null;
   return {
     from: values.reduce((a, b) => Math.min(a, b)),
