@@ -88,6 +88,28 @@ test("an address opens its tab and its task, and a click on a task changes both"
   await page.context().close();
 });
 
+test("the back button leads through the tabs to the page before", async () => {
+  const observed = await openPage(browser, url, { width: 1440, height: 900 });
+  const { page, problems } = observed;
+  await visit(page, url, "/");
+  await visit(page, url, `/runs/${run}`);
+  await page.getByRole("tab", { name: "Parameters" }).click();
+  await page.getByRole("tab", { name: "Activity" }).click();
+  await page.goBack();
+  await expect.poll(() => selectedTab(page)).toBe("Parameters");
+  expect(hash(page)).toBe(`#/runs/${run}?tab=parameters`);
+  await page.goForward();
+  await expect.poll(() => selectedTab(page)).toBe("Activity");
+  for (const tab of ["Parameters", "Learning"]) {
+    await page.goBack();
+    await expect.poll(() => selectedTab(page)).toBe(tab);
+  }
+  await page.goBack();
+  await page.getByRole("heading", { name: "Runs" }).waitFor();
+  expect(problems).toEqual([]);
+  await page.context().close();
+});
+
 test("level moves are above the events, and a filter keeps events of one kind", async () => {
   const { page, problems } = await openRun("?tab=activity");
   const moves = page.getByRole("region", { name: "Level moves" }).getByRole("listitem");
@@ -97,10 +119,17 @@ test("level moves are above the events, and a filter keeps events of one kind", 
     page
       .locator(".events li")
       .evaluateAll((items) => [...new Set(items.map((item) => (item as HTMLElement).dataset["kind"]))]);
-  await page.getByRole("combobox", { name: "show" }).selectOption("level moves");
+  const filter = page.getByRole("combobox", { name: "show" });
+  await filter.selectOption("level moves");
   await expect.poll(kinds).toEqual(["move"]);
-  await page.getByRole("combobox", { name: "show" }).selectOption("leases");
+  await filter.selectOption("leases");
   await expect.poll(kinds).toEqual(["lease"]);
+  expect(hash(page)).toBe(`#/runs/${run}?tab=activity&events=leases`);
+  await page.reload();
+  await expect.poll(kinds).toEqual(["lease"]);
+  await page.goBack();
+  await expect.poll(() => filter.inputValue()).toBe("moves");
+  await expect.poll(kinds).toEqual(["move"]);
   expect(problems).toEqual([]);
   await page.context().close();
 });

@@ -171,7 +171,12 @@ test("many metrics are filtered by parts of their names", async () => {
   const titles = () => section(page).locator("figcaption h3").allTextContents();
   expect(await titles()).toHaveLength(21);
   await page.getByRole("searchbox", { name: "Filter" }).fill("GROUP1 _1");
-  expect(await titles()).toEqual(["metric_1: 1", "metric_13: 13", "metric_17: 17"]);
+  const found = ["metric_1: 1", "metric_13: 13", "metric_17: 17"];
+  expect(await titles()).toEqual(found);
+  await expect.poll(() => new URL(page.url()).hash).toContain("metrics=GROUP1%20_1");
+  await page.reload();
+  await waitUntilIdle(observed);
+  expect(await titles()).toEqual(found);
   await page.getByRole("searchbox", { name: "Filter" }).fill("absent");
   await page.getByText("No metric has this name.").waitFor();
   expect(problems).toEqual([]);

@@ -1,4 +1,5 @@
-/** Tab and task that the page of a run shows, in the address of the page. */
+/** Tab, task and filters that the page of a run shows, in the address of the page. */
+import { EVENT_FILTERS, type EventFilter } from "./event-filters";
 
 /** Tabs of the page of a run, in their order. */
 export const RUN_TABS = [
@@ -12,26 +13,45 @@ export const RUN_TABS = [
 
 export type RunTab = (typeof RUN_TABS)[number]["id"];
 
-/** Task of the charts: the id of one, `all`, or empty for the first one. */
+/** What the page of a run shows. */
 export interface RunView {
   tab: RunTab;
+  /** Task of the charts: the id of one, `all`, or empty for the first one. */
   task: string;
+  /** Kind of the listed events. */
+  events: EventFilter;
+  /** Words in the names of the listed metrics; empty for all. */
+  metrics: string;
 }
 
 /** Value of `RunView.task` for all tasks. */
 export const ALL_TASKS = "all";
 
-/** Reads tab and task from the query of an address; a missing or invalid part is the default. */
+/** Reads the view from the query of an address; a missing or invalid part is the default. */
 export function parseRunView(query: string): RunView {
   const params = new URLSearchParams(query);
-  const tab = RUN_TABS.find(({ id }) => id === params.get("tab"))?.id ?? "learning";
-  return { tab, task: params.get("task") ?? "" };
+  return {
+    tab: RUN_TABS.find(({ id }) => id === params.get("tab"))?.id ?? "learning",
+    task: params.get("task") ?? "",
+    events: EVENT_FILTERS.find(({ id }) => id === params.get("events"))?.id ?? "all",
+    metrics: params.get("metrics") ?? "",
+  };
 }
 
-/** Returns tab and task as the query of an address; empty for the defaults. */
-export function runViewQuery({ tab, task }: RunView): string {
-  const pairs = [tab === "learning" ? "" : `tab=${tab}`, task ? `task=${encodeURI(task)}` : ""];
+/** Returns the view as the query of an address; empty for the defaults. */
+export function runViewQuery({ tab, task, events, metrics }: RunView): string {
+  const pairs = [
+    tab === "learning" ? "" : `tab=${tab}`,
+    task ? `task=${encodeURIComponent(task).replaceAll("%2F", "/")}` : "",
+    events === "all" ? "" : `events=${events}`,
+    metrics ? `metrics=${encodeURIComponent(metrics).replaceAll("%2F", "/")}` : "",
+  ];
   return pairs.filter((pair) => pair !== "").join("&");
+}
+
+/** Returns true if the back button must lead from `next` to `current`: the user chose another part of the page, not a word of a search. */
+export function isOtherPlace(current: RunView, next: RunView): boolean {
+  return current.tab !== next.tab || current.task !== next.task || current.events !== next.events;
 }
 
 /** Returns the tasks to show: the chosen one, or the first one if the choice is none of them. */
