@@ -198,6 +198,33 @@ test("the keyboard alone searches, selects, compares and deletes runs", async ()
   await page.context().close();
 });
 
+test("all runs that match are selected and archived, also those that are not loaded", async () => {
+  const { server } = fixture;
+  const { page, problems } = await fixture.openPage();
+  await visit(page, server.url, "/?strategy=uniform");
+  const { total } = await server.get<{ total: number }>("/v1/runs?strategy=uniform&limit=1");
+  expect(total).toBeGreaterThan(300);
+  await page.getByRole("checkbox", { name: "Select all loaded runs" }).check();
+  const bar = page.getByRole("region", { name: "Selected runs" });
+  await bar.getByRole("button", { name: `Select all ${String(total)} runs that match` }).click();
+  await bar.getByText(`${String(total)} selected`).waitFor();
+  expect(await bar.getByRole("button", { name: /^Select all/ }).count()).toBe(0);
+  await bar.getByText("Select at most 100 runs to compare.").waitFor();
+  await bar.getByRole("button", { name: "Archive" }).click();
+  await page.getByText("No runs match these filters.").waitFor();
+  const archived = await server.get<{ total: number }>("/v1/runs?strategy=uniform&activity=archived&limit=1");
+  expect(archived.total).toBe(total);
+  await page.getByRole("combobox", { name: /^Activity/ }).selectOption("archived");
+  await expect.poll(() => rows(page).count()).toBeGreaterThan(10);
+  await page.getByRole("checkbox", { name: "Select all loaded runs" }).check();
+  await bar.getByRole("button", { name: /^Select all/ }).click();
+  await bar.getByText(`${String(total)} selected`).waitFor();
+  await bar.getByRole("button", { name: "Restore" }).click();
+  await page.getByText("No runs match these filters.").waitFor();
+  expect(problems).toEqual([]);
+  await page.context().close();
+});
+
 test("the form of a new run has all settings, the commands, and errors at the fields", async () => {
   const { server } = fixture;
   const { page, problems } = await fixture.openPage();

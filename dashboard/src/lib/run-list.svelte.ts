@@ -71,6 +71,21 @@ export class RunList {
     }
   }
 
+  /**
+   * Loads all runs that match and returns them; the list keeps its own. `progress` gets the number that is loaded so far, and returns
+   * false to end the loading.
+   */
+  async fetchAll(progress: (loaded: number) => boolean): Promise<RunSummary[]> {
+    const runs: RunSummary[] = [];
+    let next: string | null = null;
+    do {
+      const page = await this.#fetch(next, MAX_PAGE);
+      runs.push(...page.runs);
+      next = page.next ?? null;
+    } while (progress(runs.length) && next !== null);
+    return runs;
+  }
+
   /** True if further pages exist. */
   get hasMore(): boolean {
     return this.total !== null && this.runs.length < this.total && this.#next !== null;

@@ -1,0 +1,28 @@
+/** Actions on many runs, in requests that the server accepts. */
+import { client, unwrap } from "./api";
+
+/** Number of runs of a request; the server accepts 1,000. */
+const CHUNK = 500;
+
+/** Archives runs. `progress` gets the number of archived runs after each request. */
+export async function archiveRuns(
+  runs: readonly string[],
+  progress: (done: number) => void = () => undefined,
+) {
+  for (let first = 0; first < runs.length; first += CHUNK) {
+    const chunk = runs.slice(first, first + CHUNK);
+    await unwrap(client.POST("/v1/archive", { body: { runs: chunk } }));
+    progress(first + chunk.length);
+  }
+}
+
+/** Restores archived runs, one after the other. `progress` gets the number of restored runs. */
+export async function restoreRuns(
+  runs: readonly string[],
+  progress: (done: number) => void = () => undefined,
+) {
+  for (const [at, run] of runs.entries()) {
+    await unwrap(client.POST("/v1/runs/{run}/resume", { params: { path: { run } } }));
+    progress(at + 1);
+  }
+}
