@@ -1,11 +1,15 @@
-/** Results of complete evaluations, which never change: loaded once, one after the other. */
+/** Results of complete evaluations, which never change: each is loaded once, when a page shows it. */
+import { untrack } from "svelte";
 import { SvelteMap } from "svelte/reactivity";
 import { client, unwrap } from "./api";
 import type { Evaluation, EvaluationEstimates, EvaluationSummary } from "./api-types";
+import { RequestQueue } from "./request-queue";
+
+/** Number of requests for results that are under way at most. */
+const AT_ONCE = 4;
 
 const results = new SvelteMap<string, Evaluation>();
-const waiting: string[] = [];
-let isLoading = false;
+const queue = new RequestQueue(AT_ONCE, fetchEvaluation);
 
 /** Returns an evaluation with its results if it is loaded. */
 export function evaluationResults(id: string): Evaluation | undefined {
@@ -22,24 +26,19 @@ export async function fetchEvaluation(id: string): Promise<Evaluation> {
   return loaded;
 }
 
-/** Loads the results of the evaluations that are complete and not loaded yet. An unreadable evaluation keeps no results. */
-export function loadEvaluationResults(evaluations: Pick<EvaluationSummary, "id" | "state">[]) {
-  for (const { id, state } of evaluations)
-    if (state === "complete" && !results.has(id) && !waiting.includes(id)) waiting.push(id);
-  if (!isLoading) void loadWaiting();
-}
-
-async function loadWaiting() {
-  isLoading = true;
-  for (let id = waiting[0]; id !== undefined; id = waiting[0]) {
-    try {
-      await fetchEvaluation(id);
-    } catch {
-      // The page of the evaluation shows the error.
-    }
-    waiting.shift();
-  }
-  isLoading = false;
+/**
+ * Loads the results of the evaluations that are complete and not loaded yet. Returns a function that withdraws the requests that have
+ * not begun. An unreadable evaluation keeps no results: its page shows the error.
+ */
+export function loadEvaluationResults(evaluations: Pick<EvaluationSummary, "id" | "state">[]): () => void {
+  // Effects that call this function need not run again after each result.
+  const wanted = untrack(() =>
+    evaluations.filter(({ id, state }) => state === "complete" && !results.has(id)),
+  );
+  const withdrawals = wanted.map(({ id }) => queue.add(id));
+  return () => {
+    for (const withdraw of withdrawals) withdraw();
+  };
 }
 
 /** Returns the estimates of the evaluated policy over all scenarios of a task, or of the whole suite. */
