@@ -95,9 +95,11 @@ export async function checkPage(
   expect(problems, name).toEqual([]);
 }
 
-/** Checks that axe finds no serious problem of accessibility. */
-export async function checkAccessibility({ page }: ObservedPage, name: string) {
-  const { violations } = await new AxeBuilder({ page }).analyze();
+/** Checks that axe finds no serious problem of accessibility, outside of the elements that `excluded` selects. */
+export async function checkAccessibility({ page }: ObservedPage, name: string, excluded?: string) {
+  const axe = new AxeBuilder({ page });
+  if (excluded && (await page.locator(excluded).count()) > 0) axe.exclude(excluded);
+  const { violations } = await axe.analyze();
   const serious = violations.filter(({ impact }) => impact === "serious" || impact === "critical");
   const messages = serious.map(({ id, nodes }) => {
     const elements = nodes.slice(0, 3).map((node) => node.html.slice(0, 120));
