@@ -31,6 +31,7 @@ const worker = (host: string, state: RemoteWorker["state"] = "active"): RemoteWo
 
 const list = (workers: RemoteWorker[], degraded?: string): RemoteWorkerList => ({
   distributed: true,
+  waiting: 0,
   ...(degraded === undefined ? {} : { degraded }),
   workers,
   counters: NO_JOBS,
