@@ -276,7 +276,7 @@ fn run_request(args: &Args, tasks: &[String], options: &TaskOptions) -> RunReque
     let learner =
         args.learner.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned());
     RunRequest {
-        // Runs of the learner and of its controls are told apart, and grouped, by their names and tags.
+        // Names and tags distinguish runs of the learner from those of its controls, and group them.
         name: Some(format!("sparring demo: {learner}, seed {}", args.seed)),
         tags: vec!["demo".to_owned(), format!("demo-{learner}")],
         seed: Some(args.seed),
