@@ -216,7 +216,7 @@ test("the keyboard reaches every control of a replay", async () => {
   const { page } = await fixture.openPage();
   await visit(page, fixture.server.url, routeOf("kessler", 1));
   const reached = new Set<string>();
-  for (let i = 0; i < 45; i++) {
+  for (let i = 0; i < 70; i++) {
     await page.keyboard.press("Tab");
     reached.add(
       await page.evaluate(() => {
