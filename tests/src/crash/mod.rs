@@ -55,8 +55,8 @@ pub enum CrashWorld {
     Kessler,
     /// All tasks of tasking, with short episodes of one level.
     ShortTasking,
-    /// All tasks of tasking at their own levels, with designed layouts. Probes by the reference planner are the evidence, because
-    /// sessions that hold would keep every task at its first level.
+    /// All tasks of tasking at their own levels, with designed layouts. Probes are the evidence, because sessions that
+    /// hold would keep every task at its first level: they are those of the heuristic, then of the reference planner.
     Tasking,
 }
 
@@ -255,7 +255,7 @@ fn spawn_trainers(trainer: impl Fn(u64) -> Trainer, world: CrashWorld) -> JoinSe
     trainers.spawn(trainer(6).consume_trajectories());
     trainers.spawn(trainer(7).step_vectors());
     if world == CrashWorld::Tasking {
-        trainers.spawn(trainer(8).report_probes());
+        trainers.spawn(trainer(8).report_probes(TASKING_TASKS.len()));
     }
     trainers
 }

@@ -65,31 +65,43 @@ impl Trainer {
         self.report_leases(json!({"groups": 3, "ttl_s": 600}), "heuristic").await
     }
 
-    /// Leases probes and reports the results of the reference planner, which masters levels.
-    pub(super) async fn report_probes(self) -> anyhow::Result<()> {
-        self.report_leases(json!({"groups": 3, "ttl_s": 600, "purpose": "probe"}), "reference").await
+    /// Leases probes and reports their results: those of the heuristic until each of `tasks` tasks has its first level, which is a
+    /// middle one, then those of the reference planner, which masters levels.
+    pub(super) async fn report_probes(self, tasks: usize) -> anyhow::Result<()> {
+        let request = json!({"groups": 3, "ttl_s": 600, "purpose": "probe"});
+        while self.is_running() {
+            let moves = self.request("GET", "/level_moves?limit=500", &Value::Null).await?;
+            ensure!(moves.status == 200, "no level moves: {}", moves.body);
+            let moves = moves.body["moves"].as_array().context("no level moves")?;
+            let placed = moves.iter().filter(|level_move| level_move["kind"] == "placement").count();
+            self.report_lease(&request, if placed < tasks { "heuristic" } else { "reference" }).await?;
+        }
+        Ok(())
     }
 
     /// Runs the episodes of one lease after the other with a built-in policy.
     async fn report_leases(self, request: Value, policy: &str) -> anyhow::Result<()> {
         while self.is_running() {
-            let response = self.request("POST", "/leases", &request).await?;
-            ensure!(response.status == 201, "no lease: {}", response.body);
-            let lease = Lease(response.body);
-            let episodes = lease.episodes();
-            let results: Vec<Value> =
-                episodes.iter().map(|(id, scenario)| episode_result(id, scenario, policy)).collect();
-            for batch in results.chunks(2) {
-                self.report("results", batch).await?;
-            }
-            // All results are in, so the lease is done, also after a restart: it cannot be renewed.
-            let renewal = self.request("POST", &format!("/leases/{}/renew", lease.id()), &json!({})).await?;
-            ensure!(
-                renewal.status == 409 && renewal.body["detail"].to_string().contains("done"),
-                "{}",
-                renewal.body
-            );
+            self.report_lease(&request, policy).await?;
         }
+        Ok(())
+    }
+
+    /// Runs the episodes of a lease with a built-in policy.
+    async fn report_lease(&self, request: &Value, policy: &str) -> anyhow::Result<()> {
+        let response = self.request("POST", "/leases", request).await?;
+        ensure!(response.status == 201, "no lease: {}", response.body);
+        let lease = Lease(response.body);
+        let episodes = lease.episodes();
+        let results: Vec<Value> =
+            episodes.iter().map(|(id, scenario)| episode_result(id, scenario, policy)).collect();
+        for batch in results.chunks(2) {
+            self.report("results", batch).await?;
+        }
+        // All results are in, so the lease is done, also after a restart: it cannot be renewed.
+        let renewal = self.request("POST", &format!("/leases/{}/renew", lease.id()), &json!({})).await?;
+        let is_done = renewal.status == 409 && renewal.body["detail"].to_string().contains("done");
+        ensure!(is_done, "{}", renewal.body);
         Ok(())
     }
 
