@@ -18,7 +18,7 @@ use wiremock::{Mock, MockServer};
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
 /// Beginnings of lines that this test does not run, each with the reason.
-const NOT_RUN: [(&str, &str); 28] = [
+const NOT_RUN: [(&str, &str); 29] = [
     ("make ", "builds; `make test` is the command that runs this test"),
     (". .venv/bin/activate", "python/tests/test_docs.py makes and uses the environment"),
     ("python examples/first_trainer.py", "python/tests/test_docs.py runs the trainer of the README"),
@@ -35,6 +35,7 @@ const NOT_RUN: [(&str, &str); 28] = [
     ("sudo ", "needs root and systemd"),
     ("echo 'SPARRING_LLM_KEY=…' | sudo", "needs root"),
     ("docker ", "needs a container engine"),
+    ("SPARRING_SNAPSHOTS=write ", "writes files of the repository; `make test-browser` compares them"),
     ("kubectl ", "needs a cluster; python/tests/test_deployments.py validates the manifests"),
     ("podman ", "needs a container engine; scripts/test-container runs one"),
     ("uv pip install", "python/tests/heavy installs the package"),

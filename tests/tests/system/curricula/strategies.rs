@@ -137,9 +137,12 @@ async fn plr_prefers_the_highest_reported_metric() {
         });
         let _ = api.report("plr", results.collect()).await;
     }
-    // A temperature of 0.01 draws the scenario with the highest reported value.
-    let best = replays.iter().filter(|scenario| reported_values.get(*scenario) == Some(&5.0)).count();
-    assert!(replays.len() > 30 && best * 10 > replays.len() * 8, "{best} of {}", replays.len());
+    // A temperature of 0.01 draws the scenarios with the highest reported value. The first replays are others, too: proposals that
+    // wait together are distinct, and few scenarios have that value at first.
+    assert!(replays.len() > 100, "{} replays", replays.len());
+    let last = &replays[replays.len() - 64..];
+    let best = last.iter().filter(|scenario| reported_values.get(*scenario) == Some(&5.0)).count();
+    assert!(best > 51, "{best} of {}", last.len());
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -50,7 +50,7 @@ async fn staircase_shows_chains_draws_and_success_by_start() {
     create_run(&api, json!({"strategy": "staircase", "tasks": ["docking/single"]})).await;
     let before = sampler(&api).await["tasks"][0].clone();
     assert_eq!((&before["at"], &before["quartiles"]), (&json!([]), &Value::Null));
-    assert!(before["proposals"].as_u64() >= Some(64), "the queue is filled: {before}");
+    assert!(before["proposals"].as_u64() >= Some(8), "the queue is filled: {before}");
     assert_eq!(before["rungs"][0]["success"], Value::Null);
     assert_eq!(sum(&before["rungs"], "chains"), 32.0);
     for groups in [96, 64] {
