@@ -4,7 +4,7 @@ import { waitFor } from "./poll";
 import { SparringServer } from "./server";
 
 /** Number of episodes that the learner trains on; fewer are enough while a test is being written. */
-export const EPISODES = Number(process.env["SPARRING_EPISODES"] ?? 12_000);
+export const EPISODES = Number(process.env["SPARRING_EPISODES"] ?? 30_000);
 const EVALUATION_TIMEOUT_MS = 600_000;
 
 declare module "vitest" {
