@@ -1,21 +1,12 @@
 /** Checks every component in all states: no errors, no overflow on a phone, accessible in both colour schemes. */
 import { readdir, readFile } from "node:fs/promises";
 import { join } from "node:path";
-import type { Browser } from "playwright-core";
-import { afterAll, beforeAll, expect, test } from "vitest";
-import { launchBrowser, SCREENSHOT_FOLDER, waitUntilIdle } from "./browser";
-import { GalleryServer, SECTIONS } from "./gallery";
+import { expect, test } from "vitest";
+import { SCREENSHOT_FOLDER, waitUntilIdle } from "./browser";
+import { SECTIONS, useGallery } from "./gallery";
 import { checkAccessibility } from "./page-checks";
 
-let browser: Browser;
-let gallery: GalleryServer;
-beforeAll(async () => {
-  [browser, gallery] = [await launchBrowser(), await GalleryServer.start()];
-});
-afterAll(async () => {
-  await browser.close();
-  await gallery.dispose();
-});
+const gallery = useGallery();
 
 /** Rows of tables that repeat those before them; axe needs seconds for a long table. */
 const REPEATED_ROWS = "tbody tr:nth-child(n + 9)";
@@ -26,7 +17,7 @@ test.each(SECTIONS)("the section %s has no errors, and fits a window and a phone
       [1440, 900],
       [390, 844],
     ] as const) {
-      const observed = await gallery.open(browser, section, { dark, width, height });
+      const observed = await gallery().open(section, { dark, width, height });
       const { page, problems } = observed;
       const name = `gallery-${section}-${String(width)}-${dark ? "dark" : "light"}`;
       await page.screenshot({ path: `${SCREENSHOT_FOLDER}/${name}.png`, fullPage: true });
@@ -44,7 +35,7 @@ test.each(SECTIONS)("the section %s has no errors, and fits a window and a phone
 
 test("dialogs fit a phone and are accessible", async () => {
   for (const dark of [false, true]) {
-    const observed = await gallery.open(browser, "dialogs", { dark, width: 390, height: 844 });
+    const observed = await gallery().open("dialogs", { dark, width: 390, height: 844 });
     const { page, problems } = observed;
     for (const name of ["Edit", "Delete one", "Delete many"]) {
       await page.getByRole("button", { name, exact: true }).click();

@@ -2,17 +2,17 @@
  * Compares the gallery with its snapshots, which show when a chart, a column or a colour changes or vanishes.
  *
  * Snapshots are screenshots reduced to the mean colours of blocks (see block-image.ts). The gallery brings its own font, and its letters
- * have the same widths on every machine (gallery.css), so that lines break at the same words; the texts on canvases may differ. SPARRING_SNAPSHOTS=write writes the snapshots anew: look at them before you commit them.
+ * have the same widths on every machine (gallery.css), so that lines break at the same words; the texts on canvases may
+ * differ. SPARRING_SNAPSHOTS=write writes the snapshots anew: look at them before you commit them.
  */
 import { existsSync } from "node:fs";
 import { mkdir, readFile, writeFile } from "node:fs/promises";
 import { fileURLToPath } from "node:url";
-import type { Browser } from "playwright-core";
 import { PNG } from "pngjs";
-import { afterAll, beforeAll, expect, test } from "vitest";
+import { expect, test } from "vitest";
 import { describeDifference, reduceToBlocks } from "./block-image";
-import { launchBrowser, SCREENSHOT_FOLDER } from "./browser";
-import { GalleryServer, type Section } from "./gallery";
+import { SCREENSHOT_FOLDER } from "./browser";
+import { useGallery, type Section } from "./gallery";
 
 const FOLDER = fileURLToPath(new URL("./snapshots", import.meta.url));
 const isWriting = process.env["SPARRING_SNAPSHOTS"] === "write";
@@ -42,20 +42,12 @@ const SNAPSHOTS: Snapshot[] = [
   { section: "workers", phone: true },
 ];
 
-let browser: Browser;
-let gallery: GalleryServer;
-beforeAll(async () => {
-  [browser, gallery] = [await launchBrowser(), await GalleryServer.start()];
-});
-afterAll(async () => {
-  await browser.close();
-  await gallery.dispose();
-});
+const gallery = useGallery();
 
 /** Takes the screenshot of a section, reduced to blocks. */
 async function take({ section, dark = false, phone = false, omitted }: Snapshot, style = ""): Promise<PNG> {
   const size = phone ? { width: 390, height: 844 } : { width: 1200, height: 900 };
-  const { page } = await gallery.open(browser, section, { dark, ...size });
+  const { page } = await gallery().open(section, { dark, ...size });
   // The list of sections is omitted too, so that a new section changes no snapshot.
   const selector = ["main > nav", ...(omitted ? [omitted] : [])].join(", ");
   await page.addStyleTag({ content: `${selector} { display: none !important } ${style}` });

@@ -1,17 +1,7 @@
 import { expect, test } from "vitest";
+import { NO_JOBS } from "../../gallery/fixtures/workers";
 import type { RemoteWorker, RemoteWorkerList } from "../lib/api-types";
 import { connectionOf, jobMeans, lastSeenText, orderedWorkers, stateCounts, totalRate } from "./worker-list";
-
-const NO_JOBS = {
-  sent: 0,
-  done_remotely: 0,
-  done_locally: 0,
-  taken_back: 0,
-  ignored_results: 0,
-  verified: 0,
-  bytes_sent: 0,
-  bytes_received: 0,
-};
 
 const worker = (host: string, state: RemoteWorker["state"] = "active"): RemoteWorker => ({
   id: `id-${host}`,
