@@ -6,6 +6,7 @@
 mod baseline_kernel;
 mod bracket;
 mod columns;
+mod comparison;
 mod crash;
 mod critique;
 mod curriculum;
@@ -27,6 +28,7 @@ mod worker_swarm;
 mod workers;
 
 use std::io::Write;
+use std::path::PathBuf;
 
 use clap::Parser;
 use system_tests::crash::CrashWorld;
@@ -73,6 +75,20 @@ struct Args {
     /// Size of the database of `large-database`, in GiB
     #[arg(long, default_value_t = 10)]
     gib: u32,
+    /// File to which the figures are appended, as JSON, for a later comparison
+    #[arg(long, value_name = "FILE")]
+    save: Option<PathBuf>,
+    /// File of figures that an earlier run saved: prints the ratio of each figure to it, above 1 is better. Saved turns are compared
+    /// in pairs, the first with the first, so that runs in alternation show their spread
+    #[arg(long, value_name = "FILE", conflicts_with = "against")]
+    compare: Option<PathBuf>,
+    /// Another build of this program, which takes turns with this one: prints the ratio of each figure to the other's, with its
+    /// spread over the turns
+    #[arg(long, value_name = "PROGRAM")]
+    against: Option<PathBuf>,
+    /// Number of turns; each measures all benchmarks once
+    #[arg(long, default_value_t = 1)]
+    turns: u32,
     #[command(flatten)]
     peer: sockets::Peer,
     /// Measures an environment of tasking for one turn and prints the result as JSON; `bsk_peers.py` starts this process
@@ -86,7 +102,7 @@ struct Args {
     turn_seconds: f64,
     /// Replays the layouts of a file and prints how many differ from their claims; `designer` starts this process
     #[arg(long, hide = true)]
-    replay_check: Option<std::path::PathBuf>,
+    replay_check: Option<PathBuf>,
 }
 
 /// Row of the printed table.
@@ -107,26 +123,27 @@ fn answer_parent(args: &Args) -> anyhow::Result<Option<serde_json::Value>> {
     turn.map(|environment| tasking::measure_turn(environment, args.turn_envs, args.turn_seconds)).transpose()
 }
 
-fn main() -> anyhow::Result<()> {
-    let args = Args::parse();
+/// Benchmark by its name.
+type Measure<'a> = &'a dyn Fn() -> anyhow::Result<Vec<Row>>;
+
+/// Prints rows of the table.
+fn print_rows(rows: &[Row]) -> std::io::Result<()> {
     let mut out = std::io::stdout().lock();
-    if let Some(answer) = answer_parent(&args)? {
-        return Ok(writeln!(out, "{answer}")?);
+    for row in rows {
+        let ratio = row.ratio.map_or_else(String::new, |r| format!("{r:.2}×"));
+        writeln!(out, "{:<80} {:>26}  {:<24} {ratio:>8}", row.label, row.measured, row.goal)?;
     }
-    let mut show = |rows: Vec<Row>| -> std::io::Result<()> {
-        for row in rows {
-            let ratio = row.ratio.map_or_else(String::new, |r| format!("{r:.2}×"));
-            writeln!(out, "{:<80} {:>26}  {:<24} {ratio:>8}", row.label, row.measured, row.goal)?;
-        }
-        out.flush()
-    };
-    show(vec![Row {
-        label: "benchmark".into(),
-        measured: "measured".into(),
-        goal: "goal".into(),
-        ratio: None,
-    }])?;
-    type Measure<'a> = &'a dyn Fn() -> anyhow::Result<Vec<Row>>;
+    out.flush()
+}
+
+/// Prints the names of the columns.
+fn print_header(measured: &str, goal: &str) -> std::io::Result<()> {
+    let [label, measured, goal] = ["benchmark", measured, goal].map(str::to_owned);
+    print_rows(&[Row { label, measured, goal, ratio: None }])
+}
+
+/// Runs the named benchmarks once, prints their rows, and returns them.
+fn measure_turn(args: &Args) -> anyhow::Result<comparison::Turn> {
     let all: [(&str, Measure<'_>); 11] = [
         ("engine", &engine::measure),
         ("bracket", &bracket::measure),
@@ -159,10 +176,38 @@ fn main() -> anyhow::Result<()> {
     ];
     let is_named = |name: &str| args.benchmarks.iter().any(|benchmark| benchmark == name);
     let all = all.into_iter().filter(|(name, _)| args.benchmarks.is_empty() || is_named(name));
-    for (_, measure) in all.chain(long.into_iter().filter(|(name, _)| is_named(name))) {
+    let mut turn = comparison::Turn::default();
+    print_header("measured", "goal")?;
+    for (name, measure) in all.chain(long.into_iter().filter(|(name, _)| is_named(name))) {
         let before = steal_time::Ticks::now();
-        show(measure()?)?;
-        show(steal_time::Ticks::rows_since(before))?;
+        let rows = measure()?;
+        print_rows(&rows)?;
+        turn.add(name, &rows);
+        print_rows(&steal_time::Ticks::rows_since(before))?;
+    }
+    Ok(turn)
+}
+
+fn main() -> anyhow::Result<()> {
+    let args = Args::parse();
+    if let Some(answer) = answer_parent(&args)? {
+        return Ok(writeln!(std::io::stdout(), "{answer}")?);
+    }
+    let earlier = args.compare.as_deref().map(comparison::read).transpose()?;
+    let (mut before, mut after) = (earlier.unwrap_or_default(), Vec::new());
+    for _ in 0..args.turns.max(1) {
+        if let Some(program) = &args.against {
+            before.push(comparison::measure_other(program, &args.benchmarks)?);
+        }
+        let turn = measure_turn(&args)?;
+        match &args.save {
+            Some(file) => after = comparison::append(file, &turn)?,
+            None => after.push(turn),
+        }
+    }
+    if !before.is_empty() {
+        print_header("spread", "ratio")?;
+        print_rows(&comparison::compare(&before, &after))?;
     }
     Ok(())
 }
