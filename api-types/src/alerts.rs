@@ -61,6 +61,16 @@ pub struct Alert {
     pub message_error: Option<String>,
 }
 
+/// Rule that the server checks.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct ActiveAlertRule {
+    /// Word of the rule, as `--alerts` takes it.
+    pub rule: AlertRule,
+    /// Condition under which an alert begins, with the limit of this server.
+    #[schema(example = "a run that had results has none for 15 minutes")]
+    pub condition: String,
+}
+
 /// Page of a list of alerts.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct AlertPage {
@@ -68,6 +78,10 @@ pub struct AlertPage {
     pub alerts: Vec<Alert>,
     /// Number of all alerts that last.
     pub lasting: i64,
+    /// Rules that the server checks (`--alerts`).
+    pub rules: Vec<ActiveAlertRule>,
+    /// True if a webhook receives messages about alerts (`--alert-webhook`).
+    pub has_webhook: bool,
     /// Cursor of the next page; null on the last page.
     pub next: Option<String>,
 }

@@ -46,8 +46,11 @@ test("an alert that lasts is in the menu and the list, and the webhook knows it"
   await expect.poll(() => entry.textContent(), { timeout: 30_000 }).toMatch(/^Alerts\s*1$/);
   await entry.press("Enter");
   await page.getByRole("heading", { name: "Alerts" }).waitFor();
-  const row = page.getByRole("row", { name: /Disk nearly full/ });
-  await expect.poll(() => row.textContent(), { timeout: 30_000 }).toMatch(/server.*MiB left.*lasts.*told/s);
+  const row = page.getByRole("row", { name: /Disk nearly full.*MiB left/ });
+  await expect.poll(() => row.textContent(), { timeout: 30_000 }).toMatch(/server.*MiB left.*lasts.*sent/s);
+  // The page lists the rules of the server with their limits.
+  await page.getByRole("row", { name: /Disk nearly full.*less than [\d]+ MiB/ }).waitFor();
+  await page.getByText("A webhook receives a message").waitFor();
   expect(messages).toMatchObject([{ rule: "low_disk", state: "began" }]);
   expect(problems).toEqual([]);
   await page.context().close();
@@ -75,6 +78,8 @@ test("an alert that ended is left out on request", async () => {
   const { page } = await openPage(browser, server.url);
   await visit(page, server.url, "/alerts");
   await page.getByText("There are no alerts.").waitFor();
+  await page.getByText("All rules are off.").waitFor();
+  await page.getByText("No webhook receives messages").waitFor();
   await page.getByLabel("Only alerts that last").check();
   await page.getByText("No alert lasts.").waitFor();
   await page.context().close();

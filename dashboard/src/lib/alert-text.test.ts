@@ -9,7 +9,7 @@ test("the state of a message says what the webhook knows", () => {
   expect([describe("none"), describe("waiting"), describe("sent")]).toEqual([
     "no webhook",
     "waiting",
-    "told",
+    "sent",
   ]);
   expect(describe("waiting", "refused")).toBe("tried: refused");
   expect(describe("given_up", "refused")).toBe("given up: refused");

@@ -17,7 +17,7 @@ export function describeMessage(alert: Pick<Alert, "message_state" | "message_er
     case "none":
       return "no webhook";
     case "sent":
-      return "told";
+      return "sent";
     case "given_up":
       return `given up: ${alert.message_error ?? "no answer"}`;
     case "waiting":

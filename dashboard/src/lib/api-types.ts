@@ -4,6 +4,7 @@ import type { components } from "./schema";
 type Schema = components["schemas"];
 
 export type Alert = Schema["Alert"];
+export type AlertPage = Schema["AlertPage"];
 export type ServerHealth = Schema["ServerHealth"];
 export type TrainerList = Schema["TrainerList"];
 export type AcrossSeeds = Schema["AcrossSeeds"];

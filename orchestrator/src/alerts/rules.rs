@@ -71,6 +71,33 @@ impl AlertRules {
         evaluation_worse: false,
         worker_lost: false,
     };
+
+    /// Returns the rules that are on, each with the condition under which an alert begins.
+    pub fn active(&self) -> Vec<(AlertRule, String)> {
+        let no_results = self.no_results.map(|time| {
+            (AlertRule::NoResults, format!("a run that had results has none for {} min", time.as_secs() / 60))
+        });
+        let missing = self.missing_share.map(|share| {
+            let condition = format!("over {} % of a task's episodes are missing", 100.0 * share);
+            (AlertRule::MissingShare, condition)
+        });
+        let disk = self.low_disk.map(|bytes| {
+            let condition = format!("less than {} MiB of the disk of the database are free", bytes / MIB);
+            (AlertRule::LowDisk, condition)
+        });
+        let fixed = [
+            (self.level_down, AlertRule::LevelDown, "a task goes down a level"),
+            (
+                self.evaluation_worse,
+                AlertRule::EvaluationWorse,
+                "a policy version is worse than the one before",
+            ),
+            (self.worker_lost, AlertRule::WorkerLost, "a worker on another machine stops without an order"),
+        ];
+        let fixed = fixed.into_iter().filter(|(is_on, ..)| *is_on);
+        let fixed = fixed.map(|(_, rule, condition)| (rule, condition.to_owned()));
+        [no_results, missing, disk].into_iter().flatten().chain(fixed).collect()
+    }
 }
 
 impl FromStr for AlertRules {
@@ -160,6 +187,21 @@ mod tests {
         assert_eq!("none".parse(), Ok(AlertRules::NONE));
         assert_eq!("all".parse(), Ok(AlertRules::default()));
         assert_eq!(AlertRule::WORDS.join(",").parse(), Ok(AlertRules::default()));
+    }
+
+    #[test]
+    fn active_rules_have_their_limits() {
+        let rules: AlertRules = "no_results=5, missing_share=0.25, level_down".parse().unwrap();
+        let active = rules.active();
+        let texts: Vec<&str> = active.iter().map(|(_, condition)| condition.as_str()).collect();
+        let expected = [
+            "a run that had results has none for 5 min",
+            "over 25 % of a task's episodes are missing",
+            "a task goes down a level",
+        ];
+        assert_eq!(texts, expected);
+        assert_eq!(AlertRules::default().active().len(), AlertRule::WORDS.len());
+        assert!(AlertRules::NONE.active().is_empty());
     }
 
     #[test]

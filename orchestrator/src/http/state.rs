@@ -11,6 +11,7 @@ use tokio::sync::watch;
 
 use super::openenv::EpisodeBoards;
 use super::readiness::ReadinessProbe;
+use crate::alerts::AlertRules;
 use crate::designs::Designers;
 use crate::engine::writer::Writer;
 use crate::leases::lease_service::LeaseService;
@@ -64,6 +65,10 @@ pub struct AppState {
     pub policy_folder: PolicyFolder,
     /// Limit on requests that wait for finished groups.
     pub long_polls: LongPollLimit,
+    /// Rules by which alerts begin.
+    pub alert_rules: AlertRules,
+    /// True if a webhook receives messages about alerts.
+    pub has_alert_webhook: bool,
     /// Check whether the database accepts writes.
     pub readiness: ReadinessProbe,
     /// When the server started.

@@ -239,6 +239,8 @@ fn create_state(
         endpoint: config.endpoint,
         policy_folder: config.policy_folder,
         long_polls: LongPollLimit::new(signals.feed.subscribe(), stopped),
+        alert_rules: config.alerts.rules,
+        has_alert_webhook: config.alerts.webhook.is_some(),
         readiness: http::ReadinessProbe::default(),
         stopping: Arc::clone(stopping),
     }

@@ -1926,6 +1926,15 @@ class ActionValue(TypedDict):
     """Verdict on the action."""
 
 
+class ActiveAlertRule(TypedDict):
+    """Rule that the server checks."""
+
+    condition: str
+    """Condition under which an alert begins, with the limit of this server."""
+    rule: AlertRule
+    """Word of the rule, as `--alerts` takes it."""
+
+
 class Alert(TypedDict):
     """Alert of the server or of a run."""
 
@@ -1956,10 +1965,14 @@ class AlertPage(TypedDict):
 
     alerts: list[Alert]
     """Alerts of the page, newest first."""
+    has_webhook: bool
+    """True if a webhook receives messages about alerts (`--alert-webhook`)."""
     lasting: int
     """Number of all alerts that last."""
     next: NotRequired[str | None]
     """Cursor of the next page; null on the last page."""
+    rules: list[ActiveAlertRule]
+    """Rules that the server checks (`--alerts`)."""
 
 
 class ArchivedRuns(TypedDict):

@@ -165,5 +165,9 @@ async fn invalid_queries_of_alerts_are_refused() {
         assert_eq!(api.get(&format!("/v1/alerts?{query}")).await.status, status, "{query}");
     }
     let page = api.get("/v1/alerts?run=gone").await.expect(200);
-    assert_eq!(page, json!({"alerts": [], "lasting": 0, "next": null}));
+    assert_eq!((&page["alerts"], &page["lasting"], &page["next"]), (&json!([]), &json!(0), &json!(null)));
+    assert_eq!(page["has_webhook"], false);
+    let rules: Vec<&str> =
+        page["rules"].as_array().unwrap().iter().map(|rule| rule["rule"].as_str().unwrap()).collect();
+    assert!(rules.contains(&"no_results") && rules.contains(&"worker_lost"), "{rules:?}");
 }

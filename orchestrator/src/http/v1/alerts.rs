@@ -1,6 +1,6 @@
 //! Alerts of the server and its runs.
 
-use api_types::{Alert, AlertMessageState, AlertPage, AlertsQuery};
+use api_types::{ActiveAlertRule, Alert, AlertMessageState, AlertPage, AlertsQuery};
 use axum::extract::State;
 use store::alerts::{self, AlertFilter, AlertRow};
 use store::ids::RunId;
@@ -32,7 +32,14 @@ pub(super) async fn list_alerts(
     let rows = alerts::page(&mut conn, filter, before, limit).await?;
     let lasting = alerts::count_lasting(&mut conn).await?;
     let next = next_cursor(rows.len(), limit, rows.last().map(|row| PageCursor::at(row.id)));
-    Ok(axum::Json(AlertPage { alerts: rows.into_iter().map(alert_of_row).collect(), lasting, next }))
+    let active = app.alert_rules.active().into_iter();
+    Ok(axum::Json(AlertPage {
+        alerts: rows.into_iter().map(alert_of_row).collect(),
+        lasting,
+        rules: active.map(|(rule, condition)| ActiveAlertRule { rule: rule.convert(), condition }).collect(),
+        has_webhook: app.has_alert_webhook,
+        next,
+    }))
 }
 
 fn alert_of_row(row: AlertRow) -> Alert {
