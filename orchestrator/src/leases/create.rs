@@ -188,7 +188,7 @@ impl Change for CreateLease {
             }
             _ => None,
         };
-        proposal_queue::fill(&mut run, 0).await?;
+        proposal_queue::fill(&mut run).await?;
         run.emit(&RunEvent::lease(&row, LeaseEvent::Created))?;
         Ok(Some(GrantedLease { row, groups, scenarios }))
     }
@@ -241,7 +241,7 @@ impl CreateLease {
         let mut head = proposals::head(run.conn, self.run.as_str(), count as i64).await?;
         if head.len() < count {
             // The lease is larger than the queue usually is, or queued proposals were discarded as unsolvable.
-            proposal_queue::fill(run, self.groups).await?;
+            proposal_queue::fill_at_least(run, self.groups).await?;
             head = proposals::head(run.conn, self.run.as_str(), count as i64).await?;
         }
         if head.iter().any(|queued| queued.scenario.is_none()) {

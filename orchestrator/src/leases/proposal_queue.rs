@@ -13,9 +13,14 @@ const TARGETS: (i64, i64) = (8, 64);
 /// need, and would serve proposals that know less of the latest outcomes.
 const WAITING_PER_HELD_GROUP: i64 = 4;
 
+/// Proposes until as many proposals wait as the trainers of the run need.
+pub(crate) async fn fill(run: &mut RunTx<'_>) -> Result<(), ServiceError> {
+    fill_at_least(run, 0).await
+}
+
 /// Proposes until as many proposals wait as the trainers of the run need, and at least `want`. The moment of a proposal depends only
 /// on the sequence of changes, never on workers: a restarted server proposes what it would have proposed.
-pub(crate) async fn fill(run: &mut RunTx<'_>, want: u32) -> Result<(), ServiceError> {
+pub(crate) async fn fill_at_least(run: &mut RunTx<'_>, want: u32) -> Result<(), ServiceError> {
     let waiting = proposals::count_waiting(run.conn, &run.state.run).await?;
     let held = leases::active_groups(run.conn, &run.state.run).await?;
     let target = held.saturating_mul(WAITING_PER_HELD_GROUP).clamp(TARGETS.0, TARGETS.1);
@@ -32,7 +37,7 @@ pub(crate) async fn rebuild(run: &mut RunTx<'_>) -> Result<(), ServiceError> {
     let waiting = proposals::head(run.conn, &run.state.run, i64::MAX).await?;
     let waiting: Vec<i64> = waiting.into_iter().map(|queued| queued.seq).collect();
     proposals::drop_all(run.conn, &run.state.run, &waiting).await?;
-    fill(run, 0).await
+    fill(run).await
 }
 
 /// Discards the proposals that a level move made stale, and fills the queue again.
@@ -45,5 +50,5 @@ pub(crate) async fn drop_stale(run: &mut RunTx<'_>) -> Result<(), ServiceError> 
         }
     }
     proposals::drop_all(run.conn, &run.state.run, &stale).await?;
-    fill(run, 0).await
+    fill(run).await
 }

@@ -48,7 +48,7 @@ pub(crate) async fn grant_refills(run: &mut RunTx<'_>) -> Result<Vec<GroupRefill
         refills::add_given(run.conn, PendingRefill { lease: id, groups: rows.len() as i64 }).await?;
         granted
             .push(GroupRefill { lease: lease.name(), groups: rows.iter().map(|row| row.number).collect() });
-        proposal_queue::fill(run, 0).await?;
+        proposal_queue::fill(run).await?;
     }
     Ok(granted)
 }

@@ -108,7 +108,7 @@ impl Change for CreateRun {
         }
         run_tags::replace(&mut tx.conn, &row.id, &self.tags).await?;
         let mut run = tx.run(&row.id).await?;
-        proposal_queue::fill(&mut run, 0).await?;
+        proposal_queue::fill(&mut run).await?;
         run.emit(&RunEvent::Run { state: "created" })?;
         runs::get(run.conn, &row.id).await?.ok_or(ServiceError::UnknownRun(row.id))
     }
