@@ -114,17 +114,28 @@ test.each([false, true])(
     await legend.getByText("strategy ladder").waitFor();
     expect(await columns(page, "Success rate of survival")).toEqual([
       "episodes",
-      '"strategy ladder (4 runs)"',
-      '"strategy ladder (4 runs), low"',
-      '"strategy ladder (4 runs), high"',
-      '"strategy uniform (5 runs)"',
-      '"strategy uniform (5 runs), low"',
-      '"strategy uniform (5 runs), high"',
+      '"arm-ladder, strategy ladder (4 runs)"',
+      '"arm-ladder, strategy ladder (4 runs), low"',
+      '"arm-ladder, strategy ladder (4 runs), high"',
+      '"arm-uniform, strategy uniform (5 runs)"',
+      '"arm-uniform, strategy uniform (5 runs), low"',
+      '"arm-uniform, strategy uniform (5 runs), high"',
     ]);
     await page.getByLabel("Band").selectOption("extremes");
     const query = `runs=${ids.join(",")}&hide=run-0&group=settings&band=extremes`;
     await expect.poll(() => new URL(page.url()).hash).toBe(`#/compare?${query}`);
     await checkAccessibility(observed, "compare-groups");
+    // Groups are compared with the baseline: 4 and 5 runs have an interval of their difference.
+    const ends = page.locator("section", { hasText: "Values at the end" });
+    const [ladder, uniform] = ["arm-ladder, strategy ladder", "arm-uniform, strategy uniform"];
+    await ends.getByText(new RegExp(`^Is the difference real\\? ${uniform} `)).waitFor();
+    expect(await ends.getByText(/^[+−][\d.]+ %? ?\[[+−][\d.]+ %?, [+−][\d.]+ %?\]$/).count()).toBeGreaterThan(
+      0,
+    );
+    await page.getByLabel("Baseline").selectOption(uniform);
+    await ends.getByText(new RegExp(`^Is the difference real\\? ${ladder} `)).waitFor();
+    await expect.poll(() => new URL(page.url()).hash).toContain("baseline=arm-uniform");
+    await page.screenshot({ path: `${SCREENSHOT_FOLDER}/compare-groups-${theme}.png`, fullPage: true });
 
     await page.reload();
     await page.getByRole("heading", { name: "10 runs, 1 hidden" }).waitFor();

@@ -17,10 +17,12 @@ const RUNS = [
 
 test("runs that differ by their seed alone are one group", () => {
   expect(groupRuns(RUNS, "settings")).toEqual([
-    { label: "strategy ladder", runs: ["a", "c"] },
-    { label: "strategy uniform", runs: ["b"] },
+    { label: "arm-1, strategy ladder", runs: ["a", "c"] },
+    { label: "arm-2, strategy uniform", runs: ["b"] },
     { label: "strategy plr", runs: ["d"] },
   ]);
+  const seeds = [1, 2].map((seed) => run(`s${String(seed)}`, seed, "plr", [`seed-${String(seed)}`]));
+  expect(groupRuns(seeds, "settings").map(({ runs }) => runs)).toEqual([["s1", "s2"]]);
   expect(groupRuns(RUNS.slice(0, 1), "settings")).toEqual([{ label: "a", runs: ["a"] }]);
 });
 
@@ -30,6 +32,11 @@ test("tags that all runs have do not separate groups", () => {
     { label: "arm-2", runs: ["b"] },
     { label: "without a tag", runs: ["d"] },
   ]);
+});
+
+test("runs of different learners, which only tags name, are different groups", () => {
+  const runs = [run("a", 1, "plr", ["demo", "demo-learn"]), run("b", 1, "plr", ["demo", "demo-hold"])];
+  expect(groupRuns(runs, "settings").map(({ label }) => label)).toEqual(["demo-learn", "demo-hold"]);
 });
 
 test("groups by a setting", () => {

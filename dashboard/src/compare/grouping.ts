@@ -31,9 +31,8 @@ export function plainValue(json: string | undefined): string {
 export function groupRuns(runs: GroupedRun[], grouping: Grouping): RunGroup[] {
   const common = new Set(runs[0]?.tags.filter((tag) => runs.every(({ tags }) => tags.includes(tag))));
   const keyOf = (run: GroupedRun) => {
-    if (grouping === "settings") return settingsKey(run);
-    // Tags that all runs have do not separate them.
-    if (grouping === "tags") return run.tags.filter((tag) => !common.has(tag)).join(", ") || "without a tag";
+    if (grouping === "settings") return `${settingsKey(run)} ${separatingTags(run, common)}`;
+    if (grouping === "tags") return separatingTags(run, common) || "without a tag";
     if (grouping === "run") return run.id;
     return plainValue(settingsOf(run).get(grouping.slice("setting:".length)));
   };
@@ -43,7 +42,7 @@ export function groupRuns(runs: GroupedRun[], grouping: Grouping): RunGroup[] {
     grouping === "run"
       ? runLabel(members[0], runs)
       : grouping === "settings"
-        ? settingsLabel(members[0], runs)
+        ? settingsLabel(members[0], runs, common)
         : key,
   );
   return [...groups.values()].map((members, i) => ({
@@ -61,17 +60,26 @@ export function runLabel(run: GroupedRun | undefined, runs: GroupedRun[]): strin
   return isSeedUnique ? `${run.name}, seed ${String(run.seed)}` : `${run.name}, ${run.id}`;
 }
 
-/** Returns the settings of a group that other groups have in other ways, or the common name of its runs. */
-function settingsLabel(run: GroupedRun | undefined, runs: GroupedRun[]): string {
+/** Tag that numbers the repetitions of a training, such as seed-3. */
+const SEED_TAG = /^seed[-_:= ]?\d+$/i;
+
+/** Returns the tags that separate a run from others, as text: not those that all runs have, or that name a seed. */
+function separatingTags({ tags }: GroupedRun, common: Set<string>): string {
+  return tags.filter((tag) => !common.has(tag) && !SEED_TAG.test(tag)).join(", ");
+}
+
+/** Returns the tags and settings of a group that other groups have in other ways, or the common name of its runs. */
+function settingsLabel(run: GroupedRun | undefined, runs: GroupedRun[], common: Set<string>): string {
   if (!run) return "";
+  const tags = separatingTags(run, common);
   const position = runs.indexOf(run);
   const rows = settingsTable(runs).filter(({ path, differs }) => differs && path !== "seed");
-  if (rows.length === 0) return run.name;
+  if (rows.length === 0) return tags || run.name;
   const short = rows.filter(({ values }) => (values[position]?.length ?? 0) <= 24).slice(0, 3);
   const parts = short.map(
     ({ path, values }) => `${path.split(".").pop() ?? path} ${plainValue(values[position])}`,
   );
-  return parts.join(", ") || run.name;
+  return [tags, ...parts].filter((part) => part !== "").join(", ") || run.name;
 }
 
 function unique(labels: string[], i: number): string {

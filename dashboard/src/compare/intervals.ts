@@ -30,7 +30,7 @@ export function tQuantile(degrees: number): number {
 }
 
 /** Number of values below which there is no interval of the mean: the one of two values is wider than any axis. */
-const MIN_INTERVAL = 3;
+export const MIN_INTERVAL = 3;
 
 /** Lowest and highest possible value of a quantity. */
 export interface Bounds {
