@@ -30,7 +30,7 @@ test("level, skill, trend, promotion and missing outcomes of each task are visib
     "Task",
     "Level",
     "Mean skill",
-    "Trend of skill",
+    "Skill, last quarter",
     "Mastery",
     "Training episodes",
     "Success rate",
@@ -38,6 +38,8 @@ test("level, skill, trend, promotion and missing outcomes of each task are visib
   ]);
   const notes = await table.locator(".state").allTextContents();
   expect(notes).toHaveLength(4);
+  for (const note of notes)
+    expect(note).toMatch(/Is it learning\? (Yes:|No:|Not now:|It has little left|Too few|Placement)/);
   for (const note of notes) expect(note).toMatch(/Next level:.*blocks? of 32|hardest level/s);
   expect(await table.locator(".task .trend svg").count()).toBe(4);
   const box = await page.getByRole("tablist").boundingBox();

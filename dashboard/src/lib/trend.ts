@@ -6,6 +6,8 @@ const MIN_VALUES = 4;
 const SIGNIFICANT = 2;
 
 export interface Trend {
+  /** Mean of the last quarter. */
+  last: number;
   /** Mean of the last quarter minus that of the quarter before. */
   difference: number;
   direction: "rising" | "falling" | "steady";
@@ -19,7 +21,11 @@ export function trendOf(values: (number | null)[]): Trend | null {
   if (quarter === 0 || !before || !last) return null;
   const difference = last.mean - before.mean;
   const isTrend = Math.abs(difference) > SIGNIFICANT * Math.sqrt(last.variance + before.variance);
-  return { difference, direction: !isTrend ? "steady" : difference > 0 ? "rising" : "falling" };
+  return {
+    last: last.mean,
+    difference,
+    direction: !isTrend ? "steady" : difference > 0 ? "rising" : "falling",
+  };
 }
 
 /** Mean of the known values, and the variance of this mean. */

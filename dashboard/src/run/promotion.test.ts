@@ -7,10 +7,10 @@ const task = (status: Record<string, unknown>) => ({ status, level: 3 });
 test("a promotion names its condition and the progress of the block", () => {
   const move_conditions = { up: "one block of 32 with a mean above 0.7", down: null };
   expect(promotionText(task({ block, move_conditions }))).toBe(
-    "One block of 32 with a mean above 0.7. Now: 12 of 32 scenarios, mean 0.75.",
+    "One block of 32 with a mean above 0.7. Now: 12 of 32 scenarios have results, mean success 0.75.",
   );
   expect(promotionText(task({ block: { ...block, n: 0, mean: null, open: 1 }, move_conditions }))).toBe(
-    "One block of 32 with a mean above 0.7. Now: 0 of 32 scenarios, 1 leased scenario without a result.",
+    "One block of 32 with a mean above 0.7. Now: 0 of 32 scenarios have results, 1 leased scenario without a result.",
   );
 });
 

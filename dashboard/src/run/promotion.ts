@@ -50,7 +50,7 @@ export function promotionText(task: Pick<TaskMastery, "status" | "level" | "prob
   if (!move_conditions.up) return "The hardest level is reached.";
   const condition = `${move_conditions.up.charAt(0).toUpperCase()}${move_conditions.up.slice(1)}`;
   if (!block) return `${condition}.`;
-  const mean = block.mean === null ? "" : `, mean ${fixed(block.mean)}`;
+  const mean = block.mean === null ? "" : `, mean success ${fixed(block.mean)}`;
   const open = block.open > 0 ? `, ${countOf(block.open, "leased scenario")} without a result` : "";
-  return `${condition}. Now: ${String(block.n)} of ${String(block.size)} scenarios${mean}${open}.`;
+  return `${condition}. Now: ${String(block.n)} of ${String(block.size)} scenarios have results${mean}${open}.`;
 }
