@@ -325,13 +325,13 @@ def test_evaluation_waits_for_a_restarting_server(tmp_path):
 
 def test_expired_lease_of_columns_is_late(tmp_path):
     db = tmp_path / "run.sqlite3"
-    owner, curriculum = remote_curriculum(db=db, form="columns", lease_groups=16, ahead=1, ttl_s=1)
+    owner, curriculum = remote_curriculum(db=db, form="columns", lease_groups=16, ahead=1, ttl_s=3)
     envs = make_envs(curriculum, 8)
     step_randomly(envs, 20)
     wait_for_ready(curriculum, 8)
     kill_server(owner)
     step_randomly(envs, 60)
-    time.sleep(1.5)  # tests the passing of time: the lease, which lives for 1 s, expires while no server runs
+    time.sleep(3.5)  # tests the passing of time: the lease, which lives for 3 s, expires while no server runs
     with restarted_server(db, curriculum.url):
         step_randomly(envs, 400, 0.02)
         envs.close()
