@@ -41,6 +41,8 @@ Examples:
   sparring token create grafana --role viewer --expires never
   sudo -u sparring sparring token create me --role admin \\
       --db /var/lib/sparring/sparring.sqlite3
+  sparring token create ppo-cluster --role trainer --stdin \\
+      --db west.sqlite3 < token
   sparring token list
   sparring token revoke 3")]
 pub struct Args {
@@ -65,6 +67,9 @@ enum Command {
         /// Lifetime of the token, such as `90d`, `12h` or `2 weeks`, or `never`
         #[arg(long, default_value = "90d", value_name = "TIME", value_parser = parse_lifetime, allow_hyphen_values = true)]
         expires: TokenLifetime,
+        /// Store the token on standard input, which the server of another shard created, instead of a new one
+        #[arg(long)]
+        stdin: bool,
     },
     /// List tokens with name, principal, role, state, expiry and last use
     List(JsonFlag),
@@ -127,14 +132,16 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let now = Clock::system().now();
         let db = &args.database.db;
         match &args.command {
-            Command::Create { name, principal, role, expires } => {
+            Command::Create { name, principal, role, expires, stdin } => {
                 check_name("token", name)?;
                 let principal = principal.as_ref().unwrap_or(name);
                 check_name("principal", principal)?;
                 if !db.exists() {
                     tracing::info!(db = %db.display(), "The database does not exist yet; it is created.");
                 }
-                let token = TokenRequest { name, principal, role: Role::from(*role), expires: *expires };
+                let known = if *stdin { Some(read_token()?) } else { None };
+                let token =
+                    TokenRequest { name, principal, role: Role::from(*role), expires: *expires, known };
                 create(&mut open(db).await?, token, now).await
             }
             Command::List(flag) => list(&mut *open_readers(db).await?.acquire().await?, now, flag.json).await,
@@ -177,11 +184,25 @@ struct TokenRequest<'a> {
     principal: &'a str,
     role: Role,
     expires: TokenLifetime,
+    /// Token of another database; none for a new one.
+    known: Option<Token>,
+}
+
+/// Reads a token from standard input.
+///
+/// # Errors
+/// Returns an error if the text is not a token.
+fn read_token() -> anyhow::Result<Token> {
+    let mut text = String::new();
+    std::io::stdin().read_line(&mut text).context("standard input")?;
+    Token::parse(text.trim()).context(
+        "standard input has no token: send the line that `sparring token create` printed for another shard",
+    )
 }
 
 async fn create(
     conn: &mut SqliteConnection,
-    TokenRequest { name, principal, role, expires }: TokenRequest<'_>,
+    TokenRequest { name, principal, role, expires, known }: TokenRequest<'_>,
     now: Millis,
 ) -> anyhow::Result<ExitCode> {
     let expires_at = match expires {
@@ -192,18 +213,46 @@ async fn create(
     };
     let mut moment = transactions::begin_write(conn).await?;
     let owner = principals::get_or_insert(&mut moment, principal).await?;
-    let id = tokens::insert(&mut moment, &NewToken { name, principal: owner, role, expires_at }, now).await?;
-    let token = Token::new(id);
-    tokens::set_hash(&mut moment, id, token.hash().as_bytes()).await?;
+    let new = NewToken { name, principal: owner, role, expires_at };
+    let token = match &known {
+        Some(token) => store_known(&mut moment, token, &new, now).await.map(|()| token.clone())?,
+        None => {
+            let token = Token::new(tokens::insert(&mut moment, &new, now).await?);
+            tokens::set_hash(&mut moment, token.id, token.hash().as_bytes()).await?;
+            token
+        }
+    };
+    let id = token.id;
     audit_log::append(&mut moment, AuditRing::Changes, &command_line_audit_row("create", id, now)).await?;
     // The token is printed before the commit: once a token exists, the server rejects clients without one.
-    output::print(token.expose())?;
+    if known.is_none() {
+        output::print(token.expose())?;
+    }
     moment.commit().await.context("the printed token is invalid, because it could not be stored")?;
     let until = expires_at.map_or_else(|| "without expiry".to_owned(), |at| format!("until {}", rfc3339(at)));
     tracing::info!(
         "Token {id}, {name:?}, of the principal {principal:?}, has the role {role}, {until}. It cannot be shown again; `sparring token revoke {id}` revokes it."
     );
     Ok(ExitCode::SUCCESS)
+}
+
+/// Stores a token of another database.
+///
+/// # Errors
+/// Returns an error if the database has a token with its number.
+async fn store_known(
+    conn: &mut SqliteConnection,
+    token: &Token,
+    new: &NewToken<'_>,
+    now: Millis,
+) -> anyhow::Result<()> {
+    let is_stored = tokens::insert_known(conn, token.id, new, token.hash().as_bytes(), now).await?;
+    ensure!(
+        is_stored,
+        "the database has a token {} already: create tokens on one server only, and store them on the others with --stdin",
+        token.id
+    );
+    Ok(())
 }
 
 /// Creates the audit record of a change at the command line. File permissions are the only access control there.

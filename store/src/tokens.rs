@@ -98,6 +98,33 @@ pub async fn insert(conn: &mut SqliteConnection, new: &NewToken<'_>, now: Millis
     Ok(done.last_insert_rowid())
 }
 
+/// Stores a token that the database of another shard created, with its number and its hash. Returns false if the number is taken.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn insert_known(
+    conn: &mut SqliteConnection,
+    id: i64,
+    new: &NewToken<'_>,
+    hash: &[u8],
+    now: Millis,
+) -> Result<bool, StoreError> {
+    let done = query!(
+        "INSERT INTO tokens (id, name, principal, role, hash, created_at, expires_at) VALUES (?, ?, ?, ?, ?, ?, ?)
+         ON CONFLICT (id) DO NOTHING",
+        id,
+        new.name,
+        new.principal,
+        new.role,
+        hash,
+        now,
+        new.expires_at
+    )
+    .execute(conn)
+    .await?;
+    Ok(done.rows_affected() > 0)
+}
+
 /// Sets the hash of a token.
 ///
 /// # Errors
