@@ -39,8 +39,8 @@ def _segment(text: str) -> str:
 
 #: POST requests that have a new effect when they are repeated.
 NOT_REPEATABLE = {"/v1/runs", "/v1/runs/{run}/leases", "/v1/runs/{run}/designs", "/v1/evaluations"}
-#: A socket and an event stream, which are not single responses.
-STREAMS = {"/v1/sessions", "/v1/runs/{run}/events"}
+#: Sockets and an event stream, which are not single responses.
+STREAMS = {"/v1/sessions", "/v1/runs/{run}/sessions", "/v1/runs/{run}/events"}
 #: Width of the text of a docstring.
 WIDTH = 116
 

@@ -3,6 +3,8 @@
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 
+use crate::MissingShard;
+
 /// Rule by which an alert begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
@@ -38,8 +40,10 @@ pub enum AlertMessageState {
 /// Alert of the server or of a run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct Alert {
-    /// Number of the alert.
+    /// Number of the alert on its server.
     pub id: i64,
+    /// Shard of its server; null for a server without a shard.
+    pub shard: Option<String>,
     /// Rule by which it began.
     pub rule: AlertRule,
     /// Id of its run; null for the server as a whole.
@@ -84,6 +88,10 @@ pub struct AlertPage {
     pub has_webhook: bool,
     /// Cursor of the next page; null on the last page.
     pub next: Option<String>,
+    /// Shards whose alerts the page and the number lack; empty for a server without peers.
+    #[serde(default)]
+    #[schema(required = true)]
+    pub missing_shards: Vec<MissingShard>,
 }
 
 /// Query of the alerts.

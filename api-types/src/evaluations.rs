@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 
-use crate::{EvaluationEstimates, SuiteSection};
+use crate::{EvaluationEstimates, MissingShard, SuiteSection};
 
 /// Evaluation without its results.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
@@ -56,6 +56,10 @@ pub struct EvaluationPage {
     pub evaluations: Vec<EvaluationSummary>,
     /// Cursor of the next page; null on the last page.
     pub next: Option<String>,
+    /// Shards whose evaluations the page lacks; empty for a server without peers.
+    #[serde(default)]
+    #[schema(required = true)]
+    pub missing_shards: Vec<MissingShard>,
 }
 
 /// Query of a comparison.

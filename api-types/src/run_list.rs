@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 
-use crate::RunSummary;
+use crate::{MissingShard, RunSummary};
 
 /// Page of the list of runs.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
@@ -14,6 +14,10 @@ pub struct RunPage {
     pub total: Option<i64>,
     /// Cursor of the next page; null on the last page.
     pub next: Option<String>,
+    /// Shards whose runs the page and the number lack; empty for a server without peers.
+    #[serde(default)]
+    #[schema(required = true)]
+    pub missing_shards: Vec<MissingShard>,
 }
 
 /// Query of the runs.
@@ -82,6 +86,10 @@ pub struct RunGroupQuery {
 pub struct RunGroupList {
     /// Groups in alphabetical order of their values, at most 1 000.
     pub groups: Vec<RunGroup>,
+    /// Shards whose runs the groups lack; empty for a server without peers.
+    #[serde(default)]
+    #[schema(required = true)]
+    pub missing_shards: Vec<MissingShard>,
 }
 
 /// Runs that share the value of a property.

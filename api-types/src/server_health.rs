@@ -40,6 +40,8 @@ pub struct DiskHealth {
 pub struct ServerHealth {
     /// Version of the server.
     pub version: String,
+    /// Shard of the server; null without one.
+    pub shard: Option<String>,
     /// Time since its start, seconds.
     pub uptime_s: f64,
     /// Sentence that says why the database cannot be used; null while it can.

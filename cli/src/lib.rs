@@ -24,6 +24,7 @@ pub mod policy;
 pub mod remote_workers_args;
 pub mod report;
 pub mod serve;
+pub mod shard_args;
 #[cfg(test)]
 mod tests;
 pub mod tls_args;

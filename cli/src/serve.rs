@@ -24,6 +24,7 @@ use super::bind_args::BindArgs;
 use super::judge::JudgeArgs;
 use super::policy::PolicyArgs;
 use super::remote_workers_args::RemoteWorkersArgs;
+use super::shard_args::ShardArgs;
 use super::tls_args::{ReloadSignal, TlsArgs};
 
 /// Serve the curriculum over HTTP: trainers lease scenarios, run them and report the actions.
@@ -38,6 +39,7 @@ Examples:
   sparring serve --bind 0.0.0.0:8000 --openenv-public
   sparring serve --bind 0.0.0.0:8700 --tls-cert fullchain.pem --tls-key key.pem
   sparring serve --nats nats://10.0.0.5:4222
+  sparring serve --shard east --peers west=http://10.0.0.6:8700
   sparring serve --policy-url http://127.0.0.1:8000/v1 --policy-model name
   SPARRING_LLM_KEY=... sparring serve --judge llm \\
       --llm-url https://llm.example.com/v1 --llm-model name
@@ -87,6 +89,8 @@ pub struct Args {
     alerts: AlertArgs,
     #[command(flatten)]
     remote_workers: RemoteWorkersArgs,
+    #[command(flatten)]
+    shards: ShardArgs,
 }
 
 /// Limits of each client.
@@ -151,7 +155,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let bind = args.bind.address();
         let forgotten = args.temporary.then(|| tempfile::Builder::new().prefix("sparring-").tempdir()).transpose()?;
         let db = forgotten.as_ref().map_or_else(|| args.db.clone(), |folder| folder.path().join("sparring.sqlite3"));
-        let config = Config { db: db.clone(), bind, tls: args.tls.files()?, clock, designers, sessions, judges, endpoint, policy_folder: args.policy.policy_folder()?, openenv_public: args.openenv_public, client_limits: args.each.client_limits(), archived_retention: args.delete_archived_after.map(ArchivedRetention::of_days), alerts: args.alerts.settings()?, remote_workers: args.remote_workers.config(), process_token: None };
+        let config = Config { db: db.clone(), bind, tls: args.tls.files()?, clock, designers, sessions, judges, endpoint, policy_folder: args.policy.policy_folder()?, openenv_public: args.openenv_public, client_limits: args.each.client_limits(), archived_retention: args.delete_archived_after.map(ArchivedRetention::of_days), alerts: args.alerts.settings()?, remote_workers: args.remote_workers.config(), shard: args.shards.shard.clone(), peers: args.shards.peers.clone(), process_token: None };
         let mut service = Service::start(config).await?;
         // A program that reads the URL may stop the server at once.
         let mut stop = StopSignal::install()?;

@@ -9,6 +9,7 @@
 //! - [`workers`] run in the background.
 //! - [`ownership`] decides which client may use a lease or a run, [`limits`] bound what clients may use.
 //! - [`sessions`] run environments on the server.
+//! - [`shards`] are the servers among which a team divides its runs.
 //!
 //! The curriculum's decisions are in the crate `curriculum`, the worlds in `env-core`, suites and
 //! statistics in `evaluation`, chat policy and judges in `llm-policy`, and the command line in `cli`.
@@ -32,6 +33,7 @@ pub mod rollouts;
 pub mod runs;
 pub mod service;
 pub mod sessions;
+pub mod shards;
 pub mod threads;
 pub mod tokens;
 pub mod trainer_activity;

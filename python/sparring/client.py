@@ -217,6 +217,8 @@ class Client(operations.Operations):
     def paginate(self, operation: Callable[..., Any], *args: Any, **query: Any) -> Iterator[Any]:
         """Yields the items of all pages of an operation: `client.paginate(client.runs.list, archived=True)`.
 
+        Items of shards whose servers do not answer are left out; `missing_shards` of a page names these shards.
+
         Raises:
             ValueError: The operation has no pages.
         """
@@ -382,7 +384,7 @@ def _changed_nothing(response: httpx.Response) -> bool:
 
 
 def _items(page: dict[str, Any]) -> list[Any]:
-    lists = [value for value in page.values() if isinstance(value, list)]
+    lists = [value for key, value in page.items() if isinstance(value, list) and key != "missing_shards"]
     if len(lists) != 1:
         raise ValueError(f"`operation` must be one that returns pages of items, but its response has {len(lists)} lists")
     return lists[0]

@@ -5,7 +5,9 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-/// Id of a run: 1 to 64 of `a-z 0-9 - _`.
+use super::shard::{Shard, split_id, write_id};
+
+/// Id of a run: 1 to 64 of `a-z 0-9 - _`, after the shard of its server and a dot if the server has one.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
 #[serde(transparent)]
 pub struct RunId(String);
@@ -28,17 +30,27 @@ pub struct EpisodeId {
     pub index: i64,
 }
 
-/// Id of a designed layout, written `layout-<number>`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct LayoutId(pub i64);
+/// Id of a designed layout, written `layout-<number>`, after the shard of its run.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct LayoutId {
+    /// Shard of the run; none if the id of the run has none.
+    pub shard: Option<Shard>,
+    /// Number of the layout in its database, from 1.
+    pub number: i64,
+}
 
 /// Id of a design request, written `ask-<number>`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct DesignRequestId(pub i64);
 
-/// Id of an evaluation, written `eval-<number>`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct EvaluationId(pub i64);
+/// Id of an evaluation, written `eval-<number>`, after the shard of its server.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct EvaluationId {
+    /// Shard of the server; none if the server has none.
+    pub shard: Option<Shard>,
+    /// Number of the evaluation in its database, from 1.
+    pub number: i64,
+}
 
 /// A text that is not an id.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -65,14 +77,32 @@ impl RunId {
     pub fn as_str(&self) -> &str {
         &self.0
     }
+
+    /// Returns the shard of the run; `None` if its server had none when the run was created.
+    #[must_use]
+    pub fn shard(&self) -> Option<Shard> {
+        Shard::of_id(&self.0)
+    }
+
+    /// Returns a generated id: `run-` and random characters, after a shard.
+    #[must_use]
+    pub fn generate(shard: Option<&Shard>) -> Self {
+        let name = format!("run-{}", random_token(GENERATED_ID_CHARS));
+        Self(shard.map_or(name.clone(), |shard| format!("{shard}.{name}")))
+    }
 }
+
+/// Random characters of a generated run id after `run-`.
+const GENERATED_ID_CHARS: usize = 8;
 
 impl FromStr for RunId {
     type Err = InvalidId;
 
     fn from_str(text: &str) -> Result<Self, InvalidId> {
         let is_valid = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-' || c == '_';
-        if (1..=64).contains(&text.len()) && text.chars().all(is_valid) {
+        let parts = split_id(text);
+        let has_valid_shard = parts.shard.is_none_or(|shard| shard.parse::<Shard>().is_ok());
+        if has_valid_shard && (1..=64).contains(&parts.name.len()) && parts.name.chars().all(is_valid) {
             Ok(Self(text.to_owned()))
         } else {
             Err(InvalidId::new("must be 1 to 64 characters of a-z, 0-9, - and _", text))
@@ -144,18 +174,49 @@ fn parse_numbered(text: &str, word: &str) -> Option<i64> {
     digits.parse::<i64>().ok().filter(|number| *number > 0 && number.to_string() == digits)
 }
 
+/// Number with the shard that it is written after.
+struct ShardedNumber {
+    shard: Option<Shard>,
+    number: i64,
+}
+
+/// Parses `<shard>.<word>-<number>`, or the same without a shard.
+fn parse_sharded(text: &str, word: &str) -> Option<ShardedNumber> {
+    let parts = split_id(text);
+    let shard = match parts.shard {
+        Some(shard) => Some(shard.parse().ok()?),
+        None => None,
+    };
+    Some(ShardedNumber { shard, number: parse_numbered(parts.name, word)? })
+}
+
+impl LayoutId {
+    /// Returns the id of a layout of a run, whose shard it has.
+    #[must_use]
+    pub fn of_run(run: &str, number: i64) -> Self {
+        Self { shard: Shard::of_id(run), number }
+    }
+
+    /// Returns true if the id can be that of a layout of this run: it has the same shard, or none.
+    #[must_use]
+    pub fn may_be_of(&self, run: &RunId) -> bool {
+        self.shard.is_none() || self.shard == run.shard()
+    }
+}
+
 impl FromStr for LayoutId {
     type Err = InvalidId;
 
     fn from_str(text: &str) -> Result<Self, InvalidId> {
-        let number = parse_numbered(text, "layout");
-        number.map(Self).ok_or_else(|| InvalidId::new("must be the id of a layout, such as layout-7", text))
+        let invalid = || InvalidId::new("must be the id of a layout, such as layout-7", text);
+        let ShardedNumber { shard, number } = parse_sharded(text, "layout").ok_or_else(invalid)?;
+        Ok(Self { shard, number })
     }
 }
 
 impl fmt::Display for LayoutId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "layout-{}", self.0)
+        write_id(f, self.shard.as_ref(), format_args!("layout-{}", self.number))
     }
 }
 
@@ -180,16 +241,15 @@ impl FromStr for EvaluationId {
     type Err = InvalidId;
 
     fn from_str(text: &str) -> Result<Self, InvalidId> {
-        let number = parse_numbered(text, "eval");
-        number
-            .map(Self)
-            .ok_or_else(|| InvalidId::new("must be the id of an evaluation, such as eval-7", text))
+        let invalid = || InvalidId::new("must be the id of an evaluation, such as eval-7", text);
+        let ShardedNumber { shard, number } = parse_sharded(text, "eval").ok_or_else(invalid)?;
+        Ok(Self { shard, number })
     }
 }
 
 impl fmt::Display for EvaluationId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "eval-{}", self.0)
+        write_id(f, self.shard.as_ref(), format_args!("eval-{}", self.number))
     }
 }
 
@@ -237,12 +297,21 @@ mod tests {
         ] {
             assert!(bad.parse::<EpisodeId>().is_err(), "{bad}");
         }
-        for bad in ["", "A", "a b", "../x", &"x".repeat(65)] {
+        for bad in
+            ["", "A", "a b", "../x", &"x".repeat(65), ".run", "east.", "EAST.run", "a.b.c", "too-long.run"]
+        {
             assert!(bad.parse::<RunId>().is_err(), "{bad}");
         }
-        assert_eq!("layout-7".parse(), Ok(LayoutId(7)));
+        let run: RunId = "east.run-1".parse().unwrap();
+        assert_eq!(run.shard(), "east".parse().ok());
+        assert_eq!(RunId::generate(run.shard().as_ref()).shard(), run.shard());
+        assert_eq!("layout-7".parse(), Ok(LayoutId { shard: None, number: 7 }));
+        let layout: LayoutId = "east.layout-7".parse().unwrap();
+        assert_eq!(layout, LayoutId::of_run(run.as_str(), 7));
+        assert!(layout.may_be_of(&run) && !layout.may_be_of(&"run-1".parse().unwrap()));
+        assert_eq!("west.eval-3".parse::<EvaluationId>().unwrap().to_string(), "west.eval-3");
         assert_eq!(DesignRequestId(12).to_string().parse(), Ok(DesignRequestId(12)));
-        for bad in ["", "layout", "layout-", "layout-0", "layout-07", "layout--7", "layout-+7", "ask-7", "7"]
+        for bad in ["", "layout", "layout-", "layout-0", "layout-07", "layout--7", "ask-7", "7", ".layout-7"]
         {
             assert!(bad.parse::<LayoutId>().is_err(), "{bad}");
         }
@@ -256,14 +325,15 @@ mod tests {
         fn parsed_id_has_the_same_text(text in proptest::prop_oneof![
             ".{0,40}",
             "(ep_)?[0-9]{1,20}-[a-z0-9]{5,7}(_[0-9]{1,12})?",
-            "(layout|ask)-[0-9+-]{1,20}",
-            "[a-z0-9_-]{0,70}",
+            "([a-z0-9]{0,17}\\.)?(layout|ask|eval)-[0-9+-]{1,20}",
+            "([a-z0-9]{0,17}\\.)?[a-z0-9_-]{0,70}",
         ]) {
             let formatted = [
                 text.parse::<RunId>().map(|id| id.to_string()),
                 text.parse::<LeaseId>().map(|id| id.to_string()),
                 text.parse::<EpisodeId>().map(|id| id.to_string()),
                 text.parse::<LayoutId>().map(|id| id.to_string()),
+                text.parse::<EvaluationId>().map(|id| id.to_string()),
                 text.parse::<DesignRequestId>().map(|id| id.to_string()),
             ];
             for formatted in formatted.into_iter().flatten() {

@@ -78,6 +78,7 @@ pub mod scenarios;
 #[cfg(test)]
 mod schema_changes;
 pub mod servable_layouts;
+pub mod shard;
 pub mod step_verdicts;
 #[cfg(test)]
 mod stored_words;

@@ -1,5 +1,7 @@
 //! List of runs: a page of those that match a filter, in any order, and their number by group. Tables `runs` and `run_totals`.
 
+use std::cmp::Ordering;
+
 use sqlx::sqlite::SqliteRow;
 use sqlx::{FromRow, QueryBuilder, Row, Sqlite, SqliteConnection};
 
@@ -61,6 +63,27 @@ pub enum RunSortValue {
     Text(String),
     /// No value; such runs come last.
     Missing,
+}
+
+impl RunOrder {
+    /// Compares two positions as the statements of this file do, so that lists of several databases can be merged.
+    #[must_use]
+    pub fn compare(self, a: &RunPosition, b: &RunPosition) -> Ordering {
+        let direct = |order: Ordering| if self.is_descending { order.reverse() } else { order };
+        let values = match (&a.value, &b.value) {
+            (RunSortValue::Missing, RunSortValue::Missing) => Ordering::Equal,
+            (RunSortValue::Missing, _) => return Ordering::Greater,
+            (_, RunSortValue::Missing) => return Ordering::Less,
+            (RunSortValue::Integer(a), RunSortValue::Integer(b)) => a.cmp(b),
+            (RunSortValue::Real(a), RunSortValue::Real(b)) => a.partial_cmp(b).unwrap_or(Ordering::Equal),
+            (RunSortValue::Text(a), RunSortValue::Text(b)) => {
+                a.bytes().map(|b| b.to_ascii_lowercase()).cmp(b.bytes().map(|b| b.to_ascii_lowercase()))
+            }
+            // One order has values of one kind.
+            _ => Ordering::Equal,
+        };
+        direct(values.then_with(|| a.id.cmp(&b.id)))
+    }
 }
 
 /// Position of a run in a list.

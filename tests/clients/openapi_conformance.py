@@ -52,6 +52,10 @@ include-name = "GET /v1/sessions"
 checks.positive_data_acceptance.expected-statuses = ["426"]
 
 [[operations]]
+include-name = "GET /v1/runs/{run}/sessions"
+checks.positive_data_acceptance.expected-statuses = ["404", "426"]
+
+[[operations]]
 include-name = "POST /mcp"
 checks.negative_data_rejection.expected-statuses = ["200", "4xx"]
 
@@ -81,7 +85,7 @@ soon.values = [0, 1]
 "query.wait_s" = { dictionary = "soon", probability = 0.9 }
 "body.groups" = { dictionary = "few", probability = 0.8 }  # large leases take long to prepare
 """
-SWITCHING = {"GET /v1/sessions", "GET /ws", "GET /ws/ui", "GET /mcp", "GET /harness"}  # these answer 101 to the upgrade of a WebSocket only
+SWITCHING = {"GET /v1/sessions", "GET /v1/runs/{run}/sessions", "GET /ws", "GET /ws/ui", "GET /mcp", "GET /harness"}  # these answer 101 to the upgrade of a WebSocket only
 HTTP_METHODS = ("get", "put", "post", "delete", "patch")
 SPARE_RUN_SUFFIXES = ("pause", "archive", "policy", "policy_version", "retention")  # these operations would break the run that other cases use
 JSON_TYPE = "application/json"

@@ -11,10 +11,12 @@ mod incomplete_post;
 pub mod mock_llm;
 #[path = "../../job-queue/src/testing.rs"]
 pub mod nats_server;
+pub mod nginx;
 mod polling;
 mod process;
 mod raw_socket;
 pub mod scale;
+pub mod shard_cluster;
 mod tls;
 mod websocket;
 pub mod worker_cluster;

@@ -34,6 +34,9 @@ pub async fn list_runs(api: &ApiClient, parameters: &[(&str, &str)]) -> anyhow::
         query.extend(cursor.as_deref().map(|cursor| ("cursor", cursor)));
         let mut page: RunPage = api.get(&with_query("/v1/runs", &query)).await?;
         runs.append(&mut page.runs);
+        for missing in page.missing_shards.iter().filter(|_| cursor.is_none()) {
+            tracing::warn!("The runs of the shard {} are missing: {}.", missing.shard, missing.reason);
+        }
         match page.next {
             Some(next) => cursor = Some(next),
             None => return Ok(runs),

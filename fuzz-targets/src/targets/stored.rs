@@ -169,6 +169,9 @@ fn stored_group(bytes: &[u8]) -> bool {
 fn id_seeds() -> Vec<Vec<u8>> {
     seeds_of(&[
         "run-1_a",
+        "east.run-1_a",
+        "east.layout-7",
+        "east.eval-7",
         "42-x7k2p9",
         "ep_42-x7k2p9_3",
         "layout-7",

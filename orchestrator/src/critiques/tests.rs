@@ -25,6 +25,7 @@ use crate::engine::signals::WorkerSignals;
 use crate::engine::write_tx::WriteTx;
 use crate::engine::writer::Writer;
 use crate::runs::create_run::CreateRun;
+use crate::shards::Shards;
 use clock::Clock;
 use jobs::critique::{CritiqueFindings, EncounterFinding};
 use jobs::seeds::seed_of;
@@ -117,7 +118,7 @@ async fn open(db: &Path) -> Writer {
         tasks: Some(vec![TASK.to_owned(), tasking::TASK.to_owned()]),
         ..RunRequest::default()
     };
-    writer.change(CreateRun::from_request(&request).unwrap()).await.unwrap();
+    writer.change(CreateRun::from_request(&request, &Shards::default()).unwrap()).await.unwrap();
     writer
 }
 

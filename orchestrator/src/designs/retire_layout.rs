@@ -27,7 +27,7 @@ impl Change for SetLayoutRetired {
     async fn apply(self, tx: &mut WriteTx) -> Result<LayoutRow, ServiceError> {
         tx.run(self.run.as_str()).await?;
         let (now, conn) = (tx.now, &mut tx.conn);
-        let row = find_layout(conn, &self.run, self.layout).await?;
+        let row = find_layout(conn, &self.run, &self.layout).await?;
         let status = LayoutStatus::from_stored(row.state, row.retirement_reason)
             .ok_or_else(|| ServiceError::Refused(self.layout.to_string()))?;
         let (target, reason) = match self.retired {
@@ -41,7 +41,7 @@ impl Change for SetLayoutRetired {
             layout_outcomes::forget_results(conn, row.id).await?;
         }
         layout_transitions::change_state(conn, row.id, &target.transition(reason.to_owned()), now).await?;
-        find_layout(conn, &self.run, self.layout).await
+        find_layout(conn, &self.run, &self.layout).await
     }
 }
 
@@ -52,8 +52,9 @@ impl Change for SetLayoutRetired {
 pub async fn find_layout(
     conn: &mut SqliteConnection,
     run: &RunId,
-    id: LayoutId,
+    id: &LayoutId,
 ) -> Result<LayoutRow, ServiceError> {
-    let row = layouts::get(conn, id.0).await?.filter(|row| row.run == run.as_str());
+    let row = layouts::get(conn, id.number).await?;
+    let row = row.filter(|row| row.run == run.as_str() && id.may_be_of(run));
     row.ok_or_else(|| ServiceError::UnknownLayout(id.to_string()))
 }

@@ -141,6 +141,7 @@ mod tests {
     use crate::engine::write_tx::WriteTx;
     use crate::engine::writer::Writer;
     use crate::runs::create_run::CreateRun;
+    use crate::shards::Shards;
 
     const RUN: &str = "run";
 
@@ -179,7 +180,7 @@ mod tests {
         let conn = store::open_writer(&folder.path().join("db")).await.unwrap();
         let (writer, _task) = Writer::start(conn, None, Clock::manual(1_000).clock, WorkerSignals::default());
         let request = RunRequest { id: Some(RUN.to_owned()), ..RunRequest::default() };
-        writer.change(CreateRun::from_request(&request).unwrap()).await.unwrap();
+        writer.change(CreateRun::from_request(&request, &Shards::default()).unwrap()).await.unwrap();
         for (changes, is_cached) in [(false, true), (true, false), (false, true)] {
             assert!(writer.change(Fail { changes }).await.is_err());
             assert_eq!(writer.change(Look).await.unwrap(), (is_cached, 0), "changes: {changes}");

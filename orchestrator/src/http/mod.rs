@@ -30,6 +30,7 @@ mod problem;
 mod readiness;
 mod request_head;
 mod run_reader;
+mod shard_routing;
 mod socket;
 pub mod state;
 mod tls;
@@ -136,7 +137,7 @@ pub fn router(app: AppState, access_control: Arc<AccessControl>, surface: ApiSur
             .for_each(|tags| tags.retain(|tag| visible_tags.contains(&tag.name.as_str())));
     }
     let routes = if surface == ApiSurface::Whole { routes.merge(dashboard::routes()) } else { routes };
-    let (clock, trainers) = (app.clock.clone(), Arc::clone(&app.trainers));
+    let (clock, trainers, shards) = (app.clock.clone(), Arc::clone(&app.trainers), Arc::clone(&app.shards));
     let routes = routes
         .merge(SwaggerUi::new("/docs").url("/openapi.json", document))
         .fallback(no_such_route)
@@ -146,6 +147,7 @@ pub fn router(app: AppState, access_control: Arc<AccessControl>, surface: ApiSur
         .layer(axum::middleware::from_fn_with_state(trainers, trainer_requests::record))
         .layer(axum::middleware::from_fn_with_state(access_control, access::middleware::authorize))
         .layer(axum::middleware::from_fn_with_state(app.writer.clone(), report_outage))
+        .layer(axum::middleware::from_fn_with_state(shards, shard_routing::check_shard))
         .layer(axum::middleware::from_fn(limit_request))
         .layer(axum::middleware::from_fn(request_head::check_host))
         .layer(axum::middleware::from_fn(content_negotiation::convert_response))

@@ -4,15 +4,16 @@
 use serde_json::{Map, Value, json};
 use utoipa::openapi::OpenApi;
 
-/// Pattern of ids in paths and queries, by the name of the parameter. Numbers in ids have 64 bits.
+/// Pattern of ids in paths and queries, by the name of the parameter. Numbers in ids have 64 bits. Ids of a server with a shard begin
+/// with it.
 const ID_PATTERNS: [(&str, &str); 7] = [
-    ("run", "^[a-z0-9_-]{1,64}$"),
+    ("run", "^([a-z0-9]{1,16}\\.)?[a-z0-9_-]{1,64}$"),
     ("lease", "^[1-9][0-9]{0,17}-[a-z0-9]{6}$"),
     ("episode", "^ep_[1-9][0-9]{0,17}-[a-z0-9]{6}_(0|[1-9][0-9]{0,17})$"),
-    ("layout", "^layout-[1-9][0-9]{0,17}$"),
-    ("design", "^layout-[1-9][0-9]{0,17}$"),
+    ("layout", "^([a-z0-9]{1,16}\\.)?layout-[1-9][0-9]{0,17}$"),
+    ("design", "^([a-z0-9]{1,16}\\.)?layout-[1-9][0-9]{0,17}$"),
     ("request", "^ask-[1-9][0-9]{0,17}$"),
-    ("evaluation", "^eval-[1-9][0-9]{0,17}$"),
+    ("evaluation", "^([a-z0-9]{1,16}\\.)?eval-[1-9][0-9]{0,17}$"),
 ];
 
 /// Description of a response by its status, if the operation has none.

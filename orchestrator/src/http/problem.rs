@@ -174,6 +174,13 @@ impl IntoResponse for Problem {
     }
 }
 
+impl From<ProblemDetails> for Problem {
+    /// The problem of another server, without its time to retry.
+    fn from(details: ProblemDetails) -> Self {
+        Self { details, retry_after_s: None, outage: None }
+    }
+}
+
 impl From<ServiceError> for Problem {
     fn from(error: ServiceError) -> Self {
         use ServiceError as E;

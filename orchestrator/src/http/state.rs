@@ -18,6 +18,7 @@ use crate::leases::lease_service::LeaseService;
 use crate::limits::{BodyLimit, ClientLimits, ConcurrencyLimits, LongPollLimit, Quota, RateLimit};
 use crate::rollouts::Endpoint;
 use crate::sessions::SessionManager;
+use crate::shards::Shards;
 use crate::trainer_activity::TrainerActivity;
 use clock::Clock;
 use llm_policy::judging::Judges;
@@ -35,6 +36,8 @@ pub struct AppState {
     pub client_limits: ClientLimits,
     /// Service that grants leases and accepts results.
     pub lease_service: LeaseService,
+    /// Shard of the server, and its peers.
+    pub shards: Arc<Shards>,
     /// Activity of trainers in the last minutes.
     pub trainers: Arc<TrainerActivity>,
     /// Manager of the environments that run on the server.

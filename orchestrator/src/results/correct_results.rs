@@ -88,6 +88,7 @@ mod tests {
     use crate::results::audit_outcome::{AuditOutcome, ReplayedEpisode};
     use crate::results::episode_row::episode_row;
     use crate::runs::create_run::CreateRun;
+    use crate::shards::Shards;
 
     const RUN: &str = "run";
     const TASK: &str = "kessler/survival";
@@ -177,7 +178,7 @@ mod tests {
             tasks: Some(vec![TASK.to_owned()]),
             ..RunRequest::default()
         };
-        writer.change(CreateRun::from_request(&request).unwrap()).await.unwrap();
+        writer.change(CreateRun::from_request(&request, &Shards::default()).unwrap()).await.unwrap();
         let task = env_core::task(TASK).unwrap();
         let scenario = Scenario::new(Recipe::new(task).unwrap(), seed_of(SeedSpace::Training, 1, 2, 3));
         let replay = |policy: &str| {

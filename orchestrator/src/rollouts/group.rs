@@ -194,7 +194,7 @@ impl RolloutGroup {
             task: self.group.task.clone(),
             level: self.group.level,
             role: self.group.role.convert(),
-            layout: self.group.layout.map(|id| LayoutId(id).to_string()),
+            layout: self.group.layout.map(|id| LayoutId::of_run(self.run.as_str(), id).to_string()),
             recipe: self.scenario.recipe().to_json(),
             seed: self.scenario.seed().get(),
             scenario: self.scenario.id().to_string(),

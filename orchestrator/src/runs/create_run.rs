@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use api_types::RunRequest;
 use env_core::{SEED_REQUIREMENT, Seed};
-use store::ids::{RunId, random_seed, random_token};
+use store::ids::{InvalidId, RunId, random_seed};
 use store::name_set::NameSet;
 use store::principals;
 use store::run_tags::{self, RunTag};
@@ -21,9 +21,7 @@ use crate::leases::slots::open_undisclosed;
 use crate::runs::set_tags::parse_tags;
 use crate::runs::settings::RunSettings;
 use crate::runs::validate::{check_run_name, check_run_note};
-
-/// Characters of a generated run id after `run-`.
-const GENERATED_ID_CHARS: usize = 8;
+use crate::shards::Shards;
 
 /// Creates a run and fills its proposal queue.
 #[derive(Debug)]
@@ -39,15 +37,15 @@ pub struct CreateRun {
 }
 
 impl CreateRun {
-    /// Checks a request, and generates the id and the seed that it leaves out.
+    /// Checks a request, and generates the id and the seed that it leaves out. The id has the shard of this server.
     ///
     /// # Errors
     /// Returns an error that names the first invalid field.
-    pub fn from_request(request: &RunRequest) -> Result<Self, ServiceError> {
-        let id = request.id.clone().unwrap_or_else(|| format!("run-{}", random_token(GENERATED_ID_CHARS)));
-        let id: RunId = id
-            .parse()
-            .map_err(|error: store::ids::InvalidId| ServiceError::invalid("id", error.to_string()))?;
+    pub fn from_request(request: &RunRequest, shards: &Shards) -> Result<Self, ServiceError> {
+        let id = match &request.id {
+            Some(id) => parse_new_id(id, shards)?,
+            None => RunId::generate(shards.own()),
+        };
         let name = request.name.clone().unwrap_or_else(|| id.to_string());
         check_run_name(&name)?;
         check_run_note(&request.note)?;
@@ -64,6 +62,29 @@ impl CreateRun {
     pub fn owned_by(self, owner: Option<OwnerQuota>) -> Self {
         Self { owner, ..self }
     }
+}
+
+/// Parses the id of a new run, which must begin with the shard of this server if it has one.
+fn parse_new_id(text: &str, shards: &Shards) -> Result<RunId, ServiceError> {
+    let id: RunId =
+        text.parse().map_err(|error: InvalidId| ServiceError::invalid("id", error.to_string()))?;
+    let reason = match (id.shard(), shards.own()) {
+        (shard, own) if shard.as_ref() == own => return Ok(id),
+        (Some(shard), None) => {
+            format!("must not begin with the shard {shard} and a dot, because this server has no shard")
+        }
+        (None, Some(_)) => {
+            let choices: Vec<String> = shards.names().map(|shard| format!("{shard}.{id}")).collect();
+            format!("must begin with a shard, so that a proxy finds the run: {}", choices.join(" or "))
+        }
+        (Some(_), Some(own)) => {
+            format!(
+                "must begin with {own}, the shard of this server, or with the shard of a peer, got {text}"
+            )
+        }
+        (None, None) => return Ok(id),
+    };
+    Err(ServiceError::invalid("id", reason))
 }
 
 impl Change for CreateRun {

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use job_queue::nats::NatsConfig;
 use policy_files::PolicyFolder;
+use store::shard::Shard;
 use store::{OpenError, StoreError};
 
 use crate::alerts::AlertSettings;
@@ -16,6 +17,7 @@ use crate::limits::ClientLimits;
 use crate::retention::archived::ArchivedRetention;
 use crate::rollouts::Endpoint;
 use crate::sessions::SessionLimits;
+use crate::shards::{InvalidPeers, PeerServer};
 use crate::tokens::Token;
 use clock::Clock;
 use llm_policy::judging::Judges;
@@ -51,6 +53,10 @@ pub struct Config {
     pub alerts: AlertSettings,
     /// Workers on other machines; `None` if the server does all jobs itself.
     pub remote_workers: Option<RemoteWorkersConfig>,
+    /// Shard of the server; `None` for the one that the database remembers, if it has one.
+    pub shard: Option<Shard>,
+    /// Other servers of the team, whose runs are merged into lists.
+    pub peers: Vec<PeerServer>,
     /// Token of the process that starts the service for itself; `None` for a server. With it, no worker runs, the state of the
     /// last server is not recovered, and only requests with this token are admitted, as an admin's.
     pub process_token: Option<Token>,
@@ -75,6 +81,8 @@ impl Config {
             archived_retention: None,
             alerts: AlertSettings::default(),
             remote_workers: None,
+            shard: None,
+            peers: Vec::new(),
             process_token: None,
         }
     }
@@ -119,6 +127,21 @@ pub enum StartError {
         "other hosts can reach {0}, but every token has expired or was revoked (see `sparring token list`); create one with `sparring token create`"
     )]
     NoValidTokens(SocketAddr),
+    /// The database has another shard.
+    #[error(
+        "{db} belongs to the shard {stored}, and the ids of its runs begin with it: start the server with --shard {stored}, or give the database of the shard {given} with --db"
+    )]
+    OtherShard {
+        /// Path of the database.
+        db: String,
+        /// Shard that the database remembers.
+        stored: Shard,
+        /// Shard from the configuration.
+        given: Shard,
+    },
+    /// The peers do not fit together.
+    #[error(transparent)]
+    Peers(#[from] InvalidPeers),
     /// The system cannot start more threads.
     #[error("background threads cannot be started: {0}")]
     Threads(rayon::ThreadPoolBuildError),

@@ -35,6 +35,7 @@ use crate::limits::constants::{
 };
 use crate::limits::{BodyLimit, ConcurrencyLimits, LongPollLimit, Quota, RateLimit};
 use crate::sessions::{SessionLimits, SessionManager};
+use crate::shards::Shards;
 use crate::threads::{self, ThreadPriority};
 use crate::tokens::Token;
 use crate::workers::{self, WorkerConfig};
@@ -69,7 +70,7 @@ impl Service {
         http::install_metrics_recorder();
         let tls = config.tls.clone().map(ServerTls::load).transpose()?.map(Arc::new);
         let BoundListener { listener, address } = startup::listen(&config).await?;
-        let OpenDatabase { lock, surface, connection } = startup::open_database(&config).await?;
+        let OpenDatabase { lock, surface, shards, connection } = startup::open_database(&config).await?;
         let readers = open_readers(&config.db).await?;
 
         let signals = WorkerSignals::default();
@@ -107,7 +108,8 @@ impl Service {
             Arc::clone(&lock),
             stopped.clone(),
         ));
-        let state = create_state(config, lease_service, &sessions, &signals, stopped.clone(), &stopping);
+        let state =
+            create_state(config, lease_service, shards, &sessions, &signals, stopped.clone(), &stopping);
         let routes = http::router(state, Arc::new(access_control), surface);
         let server = tokio::spawn(http::serve(listener, routes, tls.clone(), stopped));
         Ok(Self {
@@ -211,6 +213,7 @@ fn create_sessions(
 fn create_state(
     config: Config,
     lease_service: LeaseService,
+    shards: Arc<Shards>,
     sessions: &Arc<SessionManager>,
     signals: &WorkerSignals,
     stopped: watch::Receiver<bool>,
@@ -222,6 +225,7 @@ fn create_state(
         clock: config.clock,
         client_limits: config.client_limits,
         lease_service,
+        shards,
         trainers: Arc::default(),
         started: Instant::now(),
         folder: folder_of(&config.db),

@@ -5,12 +5,14 @@ use std::sync::Arc;
 
 use llm::Spending;
 use sqlx::SqliteConnection;
+use store::shard;
 use store::tokens::{self, TokenPresence};
 use store::{DatabaseLock, StoreError, design_requests, llm_spend, open_writer, to_u64};
 use tokio::net::TcpListener;
 
 use super::config::{Config, StartError};
 use crate::http::ApiSurface;
+use crate::shards::Shards;
 use llm_policy::judging::ModelJudge;
 
 /// Database that was opened for this server.
@@ -19,6 +21,8 @@ pub(super) struct OpenDatabase {
     pub(super) lock: Arc<DatabaseLock>,
     /// Routes that the server may serve.
     pub(super) surface: ApiSurface,
+    /// Shard of the server, and its peers.
+    pub(super) shards: Arc<Shards>,
     /// Connection for the writer.
     pub(super) connection: SqliteConnection,
 }
@@ -46,16 +50,18 @@ pub(super) async fn listen(config: &Config) -> Result<BoundListener, StartError>
 /// Claims and opens the database, checks its tokens, and recovers what the last server left.
 ///
 /// # Errors
-/// Returns an error if the database is in use or cannot be opened, or if the address needs tokens that do not exist.
+/// Returns an error if the database is in use, cannot be opened or has another shard, or if the address needs tokens that do not
+/// exist.
 pub(super) async fn open_database(config: &Config) -> Result<OpenDatabase, StartError> {
     let lock = Arc::new(DatabaseLock::acquire(&config.db)?);
     let mut connection = open_writer(&config.db).await?;
     lock.watch_files();
     let surface = select_surface(config, &mut connection).await?;
+    let shards = Arc::new(settle_shards(config, &mut connection).await?);
     if config.process_token.is_none() {
         recover(config, &mut connection).await?;
     }
-    Ok(OpenDatabase { lock, surface, connection })
+    Ok(OpenDatabase { lock, surface, shards, connection })
 }
 
 /// Rejects a start that would create a database and then fail for want of tokens.
@@ -77,6 +83,23 @@ async fn select_surface(
         false if any => Err(StartError::NoValidTokens(config.bind)),
         false => Err(StartError::NoTokens(config.bind)),
     }
+}
+
+/// Returns the shard of the server with its peers. A database remembers the first shard that its server was started with.
+async fn settle_shards(config: &Config, connection: &mut SqliteConnection) -> Result<Shards, StartError> {
+    let stored = shard::remembered(connection).await?;
+    if let (Some(stored), Some(given)) = (&stored, &config.shard)
+        && stored != given
+    {
+        let db = config.db.display().to_string();
+        return Err(StartError::OtherShard { db, stored: stored.clone(), given: given.clone() });
+    }
+    let shards = Shards::new(stored.clone().or_else(|| config.shard.clone()), config.peers.clone())?;
+    if let (None, Some(given)) = (stored, &config.shard) {
+        shard::remember(connection, given).await?;
+        tracing::info!(shard = %given, "New ids begin with the shard; earlier ids stay as they are.");
+    }
+    Ok(shards)
 }
 
 /// Fails the design requests that the last server did not finish, and restores what models have spent.

@@ -952,6 +952,15 @@ MessageContent: TypeAlias = Literal["none", "kept", "dropped"]
 """Presence of conversations in a trajectory group."""
 
 
+class MissingShard(TypedDict):
+    """Shard whose server did not answer, so that its part of a list is missing."""
+
+    reason: str
+    """Reason, as a clause for people."""
+    shard: str
+    """Name of the shard."""
+
+
 ObservationContent: TypeAlias = Literal["telemetry", "none", "dropped"]
 """Presence of observations in a trajectory group."""
 
@@ -1214,6 +1223,8 @@ class RunGroupList(TypedDict):
 
     groups: list[RunGroup]
     """Groups in alphabetical order of their values, at most 1 000."""
+    missing_shards: list[MissingShard]
+    """Shards whose runs the groups lack; empty for a server without peers."""
 
 
 class RunMembersRequest(TypedDict):
@@ -1943,7 +1954,7 @@ class Alert(TypedDict):
     ended_at: NotRequired[str | None]
     """Time of its end, RFC 3339; null while it lasts. An event ends when it begins."""
     id: int
-    """Number of the alert."""
+    """Number of the alert on its server."""
     message: str
     """Message as a sentence for people."""
     message_error: NotRequired[str | None]
@@ -1956,6 +1967,8 @@ class Alert(TypedDict):
     """Id of its run; null for the server as a whole."""
     run_name: NotRequired[str | None]
     """Name of the run."""
+    shard: NotRequired[str | None]
+    """Shard of its server; null for a server without a shard."""
     subject: str
     """Part of the run that it is about, such as a task; empty for the whole of it."""
 
@@ -1969,6 +1982,8 @@ class AlertPage(TypedDict):
     """True if a webhook receives messages about alerts (`--alert-webhook`)."""
     lasting: int
     """Number of all alerts that last."""
+    missing_shards: list[MissingShard]
+    """Shards whose alerts the page and the number lack; empty for a server without peers."""
     next: NotRequired[str | None]
     """Cursor of the next page; null on the last page."""
     rules: list[ActiveAlertRule]
@@ -2249,6 +2264,8 @@ class EvaluationPage(TypedDict):
 
     evaluations: list[EvaluationSummary]
     """Evaluations of the page, newest first."""
+    missing_shards: list[MissingShard]
+    """Shards whose evaluations the page lacks; empty for a server without peers."""
     next: NotRequired[str | None]
     """Cursor of the next page; null on the last page."""
 
@@ -2607,6 +2624,8 @@ class RunOverview(TypedDict):
 class RunPage(TypedDict):
     """Page of the list of runs."""
 
+    missing_shards: list[MissingShard]
+    """Shards whose runs the page and the number lack; empty for a server without peers."""
     next: NotRequired[str | None]
     """Cursor of the next page; null on the last page."""
     runs: list[RunSummary]
@@ -2767,6 +2786,8 @@ class ServerHealth(TypedDict):
     """Number of active sessions."""
     sessions_limit: int
     """Maximum number of active sessions."""
+    shard: NotRequired[str | None]
+    """Shard of the server; null without one."""
     uptime_s: float
     """Time since its start, seconds."""
     version: str

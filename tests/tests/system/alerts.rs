@@ -170,4 +170,5 @@ async fn invalid_queries_of_alerts_are_refused() {
     let rules: Vec<&str> =
         page["rules"].as_array().unwrap().iter().map(|rule| rule["rule"].as_str().unwrap()).collect();
     assert!(rules.contains(&"no_results") && rules.contains(&"worker_lost"), "{rules:?}");
+    assert_eq!(page["missing_shards"], json!([]));
 }

@@ -46,6 +46,8 @@ mod run_tags;
 mod runs_command;
 mod scale;
 mod serve_command;
+#[cfg(unix)]
+mod shards;
 mod stepping;
 mod tasking;
 mod trainer_metrics;

@@ -167,6 +167,7 @@ const OPERATIONS: &[Operation] = &[
     take_part("GET", "/v1/runs/{run}/trajectories"),
     take_part("POST", "/v1/runs/{run}/trajectories/claim"),
     take_part("POST", "/v1/runs/{run}/trajectories/ack"),
+    take_part("GET", "/v1/runs/{run}/sessions"),
     train("GET", "/v1/sessions"),
     train("POST", "/v1/scenarios"),
     // A rollout stores nothing and shows nothing of a run. A client that may see a layout may see its rollout.

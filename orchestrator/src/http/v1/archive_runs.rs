@@ -2,11 +2,13 @@
 
 use api_types::{ArchiveRequest, ArchivedRuns};
 use axum::extract::State;
+use axum::http::HeaderMap;
 
 use super::runs::run_from_row;
 use crate::http::extract::{Json, NoQuery};
 use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
+use crate::http::shard_routing::{ForwardedRequest, common_shard, forward};
 use crate::http::state::AppState;
 use crate::runs::run_status::ArchiveRuns;
 
@@ -15,7 +17,8 @@ const MAX_RUNS: usize = 1000;
 
 /// Archive several runs: all of them or none.
 ///
-/// The runs are paused, and lists leave them out without `archived=true`. Runs that are archived already stay so.
+/// The runs are paused, and lists leave them out without `archived=true`. Runs that are archived already stay so. All runs of a request
+/// are of one shard; the server passes a request for the shard of a peer on.
 #[utoipa::path(
     post, path = "/archive", tag = "runs", request_body = ArchiveRequest,
     responses(
@@ -28,12 +31,20 @@ const MAX_RUNS: usize = 1000;
 pub(super) async fn archive_many_runs(
     _: NoQuery,
     State(app): State<AppState>,
+    headers: HeaderMap,
     Json(request): Json<ArchiveRequest>,
 ) -> Result<axum::Json<ArchivedRuns>, Problem> {
     let count = request.runs.len();
     if !(1..=MAX_RUNS).contains(&count) {
         let reason = format!("must have 1 to {MAX_RUNS} ids of runs, got {count}");
         return Err(Problem::invalid("runs", reason));
+    }
+    if let Some(own) = app.shards.own() {
+        let shard = common_shard("runs", own, request.runs.iter().map(String::as_str))?;
+        let forwarded = ForwardedRequest::post("/v1/archive", &request);
+        if let Some(archived) = forward(&app, &headers, Some(&shard), forwarded).await? {
+            return Ok(axum::Json(archived));
+        }
     }
     let runs = request.runs.iter().enumerate().map(|(at, run)| {
         parse_run_id(run).map_err(|_| Problem::invalid(format!("runs.{at}"), "is not the id of a run"))

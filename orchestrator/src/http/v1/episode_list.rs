@@ -5,7 +5,7 @@ use api_types::{EpisodePage, EpisodeState, EpisodeSummary, PageQuery, ReplayAvai
 use axum::extract::State;
 use store::compacted_leases::{self, CompactedEpisode, CompactedGroup, CompactedLease};
 use store::episodes::EpisodeRow;
-use store::ids::{EpisodeId, LayoutId, LeaseId};
+use store::ids::{EpisodeId, LayoutId, LeaseId, RunId};
 use store::keys::EpisodeKey;
 use store::listed_episodes::{self, EpisodeGroup, ListedEpisode};
 
@@ -19,6 +19,7 @@ use clock::rfc3339;
 
 /// Converts an episode that is kept complete; `unreported` is its state if it was not reported.
 pub(super) fn episode_summary(
+    run: &RunId,
     id: &EpisodeId,
     group: EpisodeGroup,
     row: Option<&EpisodeRow>,
@@ -30,7 +31,7 @@ pub(super) fn episode_summary(
         task: Some(group.task),
         level: group.level,
         role: group.role.convert(),
-        layout: group.layout.map(|id| LayoutId(id).to_string()),
+        layout: group.layout.map(|id| LayoutId::of_run(run.as_str(), id).to_string()),
         state: row.map_or(unreported, |row| row.state.convert()),
         score: row.and_then(|r| r.score),
         success: row.and_then(|r| r.success),
@@ -54,7 +55,7 @@ pub(super) fn compacted_summary(
         task: Some(group.task.clone()),
         level: group.level,
         role: group.role.convert(),
-        layout: group.layout.map(|id| LayoutId(id).to_string()),
+        layout: group.layout.map(|id| LayoutId::of_run(&lease.row.run, id).to_string()),
         state: episode.map_or(EpisodeState::Expired, |episode| episode.state.convert()),
         score: episode.and_then(|episode| episode.score),
         success: episode.and_then(|episode| episode.success),
@@ -66,10 +67,10 @@ pub(super) fn compacted_summary(
 }
 
 /// Converts a reported episode of a list.
-pub(super) fn listed_summary(episode: ListedEpisode) -> EpisodeSummary {
+pub(super) fn listed_summary(run: &RunId, episode: ListedEpisode) -> EpisodeSummary {
     let ListedEpisode { id_suffix: suffix, group, row } = episode;
     let id = EpisodeId { lease: LeaseId { number: row.lease, suffix }, index: row.number };
-    episode_summary(&id, group, Some(&row), EpisodeState::Finished)
+    episode_summary(run, &id, group, Some(&row), EpisodeState::Finished)
 }
 
 /// List the reported episodes of a run, by lease and index.
@@ -91,7 +92,7 @@ pub(super) async fn list_episodes(
     let mut conn = acquire_run_reader(&app, &run).await?;
     let complete = listed_episodes::page(&mut conn, run.as_str(), after, limit).await?;
     let mut listed: Vec<(EpisodeKey, EpisodeSummary)> =
-        complete.into_iter().map(|episode| (episode.row.key(), listed_summary(episode))).collect();
+        complete.into_iter().map(|episode| (episode.row.key(), listed_summary(&run, episode))).collect();
     let key = |lease: &CompactedLease, episode: &CompactedEpisode| EpisodeKey {
         lease: lease.row.id,
         number: episode.number,

@@ -30,11 +30,11 @@ pub(super) async fn episode_neighbours(
     let is_in_group = |listed: &ListedEpisode| {
         listed.row.lease == id.lease.number && listed.row.number < first + group_size
     };
-    let name = |listed: Vec<ListedEpisode>| Some(listed_summary(listed.into_iter().next()?).episode);
+    let name = |listed: Vec<ListedEpisode>| Some(listed_summary(run, listed.into_iter().next()?).episode);
     Ok(EpisodeNeighbours {
         previous: name(previous),
         next: name(next),
-        group: group.into_iter().filter(is_in_group).map(listed_summary).collect(),
+        group: group.into_iter().filter(is_in_group).map(|listed| listed_summary(run, listed)).collect(),
     })
 }
 

@@ -43,7 +43,7 @@ pub(super) async fn search_episodes(
         success: query.success,
         mode: query.mode,
         role: query.role.map(ConvertEnum::convert),
-        layout: layout.map(|id| id.0),
+        layout: layout.map(|id| id.number),
         version: query.policy_version.map(i64::from),
     };
     // A filter that matches few episodes scans all of them, so that few searches may run at once.
@@ -63,7 +63,10 @@ pub(super) async fn search_episodes(
     let last = found.last().zip(key.as_deref());
     let last = last.map(|(listed, text)| PageCursor { number: listed.row.lease, text });
     let next = next_cursor(found.len(), limit, last);
-    Ok(axum::Json(EpisodePage { episodes: found.into_iter().map(listed_summary).collect(), next }))
+    Ok(axum::Json(EpisodePage {
+        episodes: found.into_iter().map(|listed| listed_summary(&run, listed)).collect(),
+        next,
+    }))
 }
 
 /// Checks that the task of a filter exists and that its tasks have the failure mode.

@@ -57,6 +57,7 @@ pub(super) async fn get_episode(
     let text = |json: Option<&String>| json.map(|j| from_json("a stored value", j)).transpose();
     Ok(axum::Json(Episode {
         summary: episode_summary(
+            &run,
             &found.id,
             EpisodeGroup {
                 task: found.group.task,

@@ -7,6 +7,7 @@ use store::brackets;
 use store::ids::LayoutId;
 use store::layouts::{self, LayoutFilter, LayoutState};
 use store::scenarios::ScenarioLoader;
+use store::shard::Shard;
 
 use super::designs::view::{design_json, design_page, design_summary};
 use super::scenarios::outcome_response;
@@ -62,7 +63,10 @@ pub(super) async fn get_layout(
     let layout: LayoutId = parse_id("layout", &layout)?;
     let unknown = || ServiceError::UnknownLayout(layout.to_string());
     let mut conn = app.readers.begin().await?; // one snapshot of all tables
-    let row = layouts::get(&mut conn, layout.0).await?.ok_or_else(unknown)?;
+    let row = layouts::get(&mut conn, layout.number).await?.ok_or_else(unknown)?;
+    if layout.shard.is_some() && layout.shard != Shard::of_id(&row.run) {
+        return Err(unknown().into());
+    }
     let scenario_key = row.scenario.as_ref().ok_or_else(unknown)?;
     let scenario = ScenarioLoader::default().get(&mut conn, scenario_key).await?;
     let bracket = brackets::newest(&mut conn, scenario_key).await?.ok_or_else(unknown)?;

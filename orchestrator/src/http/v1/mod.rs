@@ -20,13 +20,16 @@ mod failures;
 mod layouts;
 mod leases;
 mod mastery;
+mod numbered_list;
 mod overview;
 mod policy;
 mod policy_versions;
 pub(super) mod results;
 mod retention;
 mod rollout;
+mod run_cursor;
 mod run_list;
+mod run_list_merge;
 mod run_members;
 mod run_note;
 mod run_points;
@@ -98,7 +101,7 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(layouts::get_layout))
         .routes(routes!(scenarios::check_scenario))
         .routes(routes!(rollout::roll_out_scenario))
-        .routes(routes!(sessions::connect_session))
+        .merge(session_routes())
         .routes(routes!(policy::get_policy, policy::set_policy))
         .routes(routes!(trajectories::read::read_trajectories))
         .routes(routes!(trajectories::claim::claim_trajectories))
@@ -116,6 +119,13 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(server_health::get_server_health))
         .routes(routes!(audit_log::list_audit_log))
         .routes(routes!(workers::list_workers))
+}
+
+/// Routes of sessions, which are WebSockets.
+fn session_routes() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new()
+        .routes(routes!(sessions::connect_session))
+        .routes(routes!(sessions::connect_run_session))
 }
 
 /// Routes of the progress of a run: mastery, samplers, series and metrics.

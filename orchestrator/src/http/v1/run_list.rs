@@ -4,12 +4,14 @@ use std::collections::BTreeSet;
 
 use crate::api_enums::ConvertEnum;
 use api_types::{RunActivity, RunGroup, RunGroupList, RunGroupQuery, RunPage, RunQuery, SortOrder};
-use axum::extract::State;
+use axum::extract::{RawQuery, State};
+use axum::http::HeaderMap;
 use curriculum::StrategyKind;
-use store::ids::RunId;
 use store::run_filter::{ActivityFilter, RunFilter, TagFilter};
-use store::run_list::{self, RunOrder, RunPosition, RunSortKey, RunSortValue};
+use store::run_list::{self, RunOrder};
 
+use super::run_cursor::{format_cursor, parse_cursor};
+use super::run_list_merge::{merge_groups, merge_runs};
 use super::runs::{RECENT, run_from_row};
 use crate::http::extract::Query;
 use crate::http::filters::parse_filter_word;
@@ -88,18 +90,34 @@ fn parse_tasks(tasks: &str) -> Result<String, Problem> {
 /// List runs that match a search and filters, in any order.
 ///
 /// All filters must match. Pages are exact: while runs are created, all pages together have each run once whose sort value does not
-/// change meanwhile.
+/// change meanwhile. A server with peers (`sparring serve --peers`) lists the runs of all shards.
 #[utoipa::path(
     get, path = "/runs", tag = "runs", params(RunQuery),
     responses((status = 200, body = RunPage), (status = 400, body = Problem), (status = 422, body = Problem))
 )]
 pub(super) async fn list_runs(
     State(app): State<AppState>,
+    headers: HeaderMap,
+    RawQuery(raw): RawQuery,
     Query(query): Query<RunQuery>,
 ) -> Result<axum::Json<RunPage>, Problem> {
-    let (limit, now) = (page_limit(query.limit)?, app.clock.now());
+    let limit = page_limit(query.limit)?;
     let is_descending = query.order == Some(SortOrder::Desc);
     let order = RunOrder { key: query.sort.unwrap_or_default().convert(), is_descending };
+    let own = list_own_runs(&app, query, order, limit).await?;
+    let path = path_with("/v1/runs", raw);
+    let peers = app.shards.ask::<RunPage>(&headers, |_| path.clone()).await;
+    Ok(axum::Json(merge_runs(order, limit, own, peers)))
+}
+
+/// Reads a page of the runs of this server.
+async fn list_own_runs(
+    app: &AppState,
+    query: RunQuery,
+    order: RunOrder,
+    limit: i64,
+) -> Result<RunPage, Problem> {
+    let now = app.clock.now();
     let after = query.cursor.as_deref().map(|cursor| parse_cursor(order, cursor)).transpose()?;
     let RunQuery { archived, search, tag, strategy, tasks, activity, .. } = query;
     let filter = FilterFields { archived, search, tag, strategy, tasks, activity }.parse(now - RECENT)?;
@@ -111,18 +129,26 @@ pub(super) async fn list_runs(
     let page = run_list::page(&mut conn, &filter, order, after.as_ref(), limit).await?;
     let next = page.last.filter(|_| page.count >= limit).map(|last| format_cursor(order, &last));
     let runs = page.runs.into_iter().map(|row| run_from_row(row, now)).collect::<Result<_, _>>()?;
-    Ok(axum::Json(RunPage { runs, total, next }))
+    Ok(RunPage { runs, total, next, missing_shards: Vec::new() })
+}
+
+/// Returns a path with the query of a request.
+fn path_with(path: &str, query: Option<String>) -> String {
+    query.map_or_else(|| path.to_owned(), |query| format!("{path}?{query}"))
 }
 
 /// Group runs by a property.
 ///
-/// The filters are those of `GET /v1/runs`, which lists the runs of a group with the value of the group as a filter.
+/// The filters are those of `GET /v1/runs`, which lists the runs of a group with the value of the group as a filter. A server with
+/// peers groups the runs of all shards.
 #[utoipa::path(
     get, path = "/run_groups", tag = "runs", params(RunGroupQuery),
     responses((status = 200, body = RunGroupList), (status = 400, body = Problem), (status = 422, body = Problem))
 )]
 pub(super) async fn list_run_groups(
     State(app): State<AppState>,
+    headers: HeaderMap,
+    RawQuery(raw): RawQuery,
     Query(query): Query<RunGroupQuery>,
 ) -> Result<axum::Json<RunGroupList>, Problem> {
     let since = app.clock.now() - RECENT;
@@ -136,52 +162,9 @@ pub(super) async fn list_run_groups(
         episodes: row.episodes,
         last_results_at: row.last_results_at.map(rfc3339),
     });
-    Ok(axum::Json(RunGroupList { groups: groups.collect() }))
-}
-
-/// First part of the cursors of an order.
-fn order_word(RunOrder { key, is_descending }: RunOrder) -> String {
-    format!("{key}.{}", if is_descending { "desc" } else { "asc" })
-}
-
-/// Formats a cursor: `key.direction.run.value`. A real value has its bits, a missing value is empty.
-fn format_cursor(order: RunOrder, position: &RunPosition) -> String {
-    let value = match &position.value {
-        RunSortValue::Integer(value) => value.to_string(),
-        RunSortValue::Real(value) => format!("{:016x}", value.to_bits()),
-        RunSortValue::Text(value) => value.clone(),
-        RunSortValue::Missing => String::new(),
-    };
-    format!("{}.{}.{value}", order_word(order), position.id)
-}
-
-/// Parses the cursor of a page in this order.
-///
-/// # Errors
-/// Returns a problem if the text is no cursor, or is of another order.
-fn parse_cursor(order: RunOrder, cursor: &str) -> Result<RunPosition, Problem> {
-    let malformed = || Problem::invalid("cursor", "must be the `next` of a previous page");
-    let mut parts = cursor.splitn(4, '.');
-    let mut next = || parts.next().ok_or_else(malformed);
-    let (key, direction, id, value) = (next()?, next()?, next()?, next()?);
-    let is_known = key.parse::<RunSortKey>().is_ok() && ["asc", "desc"].contains(&direction);
-    if !is_known || id.parse::<RunId>().is_err() {
-        return Err(malformed());
-    }
-    if format!("{key}.{direction}") != order_word(order) {
-        let reason = format!("is of a page with `sort={key}&order={direction}`; send it with that order");
-        return Err(Problem::invalid("cursor", reason));
-    }
-    let value = match order.key {
-        RunSortKey::Name => Some(RunSortValue::Text(value.to_owned())),
-        RunSortKey::LastResults | RunSortKey::Skill if value.is_empty() => Some(RunSortValue::Missing),
-        RunSortKey::Created | RunSortKey::Episodes | RunSortKey::LastResults => {
-            value.parse().ok().map(RunSortValue::Integer)
-        }
-        RunSortKey::Skill => {
-            let real = u64::from_str_radix(value, 16).ok().map(f64::from_bits);
-            real.filter(|real| real.is_finite()).map(RunSortValue::Real)
-        }
-    };
-    Ok(RunPosition { value: value.ok_or_else(malformed)?, id: id.to_owned() })
+    let own = RunGroupList { groups: groups.collect(), missing_shards: Vec::new() };
+    drop(conn);
+    let path = path_with("/v1/run_groups", raw);
+    let peers = app.shards.ask::<RunGroupList>(&headers, |_| path.clone()).await;
+    Ok(axum::Json(merge_groups(own, peers)))
 }

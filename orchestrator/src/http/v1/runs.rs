@@ -6,10 +6,11 @@ use api_types::{
 };
 use axum::Extension;
 use axum::extract::State;
-use axum::http::StatusCode;
+use axum::http::{HeaderMap, StatusCode};
 use store::ids::LeaseId;
 use store::run_warnings::{self, RunWarningRow};
 use store::runs::{self, RunRow};
+use store::shard::Shard;
 use store::{from_json, run_filter, to_u64};
 
 use super::failures::critique_backlog;
@@ -18,6 +19,7 @@ use crate::http::access::Caller;
 use crate::http::extract::{Json, NoQuery, Path, Query};
 use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
+use crate::http::shard_routing::{ForwardedRequest, forward};
 use crate::http::state::AppState;
 use crate::runs::create_run::CreateRun;
 use crate::runs::delete_run::DeleteRun;
@@ -64,7 +66,8 @@ fn run_warning(row: RunWarningRow) -> RunWarning {
 
 /// Create a run.
 ///
-/// All fields are optional: `{}` creates a run over the tasks of the first world, under the strategy `auto`.
+/// All fields are optional: `{}` creates a run over the tasks of the first world, under the strategy `auto`. On a server with a shard,
+/// an `id` begins with a shard and a dot; the server passes a request for the shard of a peer on.
 #[utoipa::path(
     post, path = "/runs", tag = "runs", request_body = RunRequest,
     responses(
@@ -78,16 +81,20 @@ pub(super) async fn create_run(
     _: NoQuery,
     State(app): State<AppState>,
     Extension(caller): Extension<Caller>,
+    headers: HeaderMap,
     Json(request): Json<RunRequest>,
 ) -> Result<(StatusCode, axum::Json<RunSummary>), Problem> {
+    let shard = request.id.as_deref().and_then(Shard::of_id);
+    let forwarded = ForwardedRequest::post("/v1/runs", &request);
+    if let Some(run) = forward(&app, &headers, shard.as_ref(), forwarded).await? {
+        return Ok((StatusCode::CREATED, axum::Json(run)));
+    }
     if request.judge == Some(Judge::Llm) && !app.judges.has_model() {
         let reason = "must be off or deterministic, because the server has no language model for judging; start it with --judge-url or --llm-url for llm";
         return Err(ServiceError::Invalid { field: "judge".to_owned(), reason: reason.to_owned() }.into());
     }
-    let row = app
-        .writer
-        .change(CreateRun::from_request(&request)?.owned_by(caller.owner_quota(app.client_limits.runs)))
-        .await?;
+    let change = CreateRun::from_request(&request, &app.shards)?;
+    let row = app.writer.change(change.owned_by(caller.owner_quota(app.client_limits.runs))).await?;
     tracing::info!(run = %row.id, "Run created.");
     Ok((StatusCode::CREATED, axum::Json(run_from_row(row, app.clock.now())?)))
 }

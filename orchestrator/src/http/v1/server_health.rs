@@ -29,6 +29,7 @@ pub(super) async fn get_server_health(
     drop(conn);
     Ok(axum::Json(ServerHealth {
         version: VERSION.to_owned(),
+        shard: app.shards.own().map(ToString::to_string),
         uptime_s: app.started.elapsed().as_secs_f64(),
         outage: app.writer.health().reason(),
         writer: writer_health(&app.writer, app.started.elapsed()),

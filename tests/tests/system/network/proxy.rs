@@ -1,75 +1,19 @@
 //! The server behind nginx with its default settings: HTTP/1.0 towards the server, and responses in buffers.
 
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use serde_json::json;
-use system_tests::{ApiClient, ServerProcess, http_client, wait_until};
+use system_tests::nginx::NginxProxy;
+use system_tests::{ServerProcess, http_client};
 
 /// Time in which an event must pass the proxy.
 const DELIVERY: Duration = Duration::from_secs(5);
-
-/// nginx in front of one server. Dropping it ends the process.
-struct Nginx {
-    process: Child,
-    url: String,
-    _folder: tempfile::TempDir,
-}
-
-impl Nginx {
-    /// Starts nginx on a free port. Its settings are the defaults, except for paths that only root may write.
-    async fn start(server: &str) -> Self {
-        let program =
-            std::env::var_os("NGINX").map_or_else(|| PathBuf::from("/usr/sbin/nginx"), PathBuf::from);
-        assert!(program.exists(), "{} is missing: run scripts/nginx, or set NGINX", program.display());
-        let folder = tempfile::tempdir().unwrap();
-        let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        let root = folder.path().display();
-        let paths = ["client_body", "proxy", "fastcgi", "uwsgi", "scgi"]
-            .map(|name| format!("{name}_temp_path {root}/{name};"))
-            .concat();
-        let settings = format!(
-            "daemon off; master_process off; pid {root}/pid; events {{}} \
-             http {{ access_log off; {paths} server {{ listen 127.0.0.1:{port}; \
-             location / {{ proxy_pass {server}; }} }} }}"
-        );
-        let file = folder.path().join("nginx.conf");
-        std::fs::write(&file, settings).unwrap();
-        let process = Self::spawn(&program, &file, folder.path());
-        let nginx = Self { process, url: format!("http://127.0.0.1:{port}"), _folder: folder };
-        let api = nginx.api();
-        wait_until("nginx forwards requests", async || {
-            let response = api.try_request("GET", "/livez", "application/json", "").await;
-            response.is_ok_and(|response| response.status == 200)
-        })
-        .await;
-        nginx
-    }
-
-    fn spawn(program: &Path, file: &Path, folder: &Path) -> Child {
-        let mut command = Command::new(program);
-        command.arg("-p").arg(folder).arg("-c").arg(file).args(["-e", "stderr"]);
-        command.stdin(Stdio::null()).stderr(Stdio::null()).spawn().expect("nginx starts")
-    }
-
-    fn api(&self) -> ApiClient {
-        ApiClient::new(&self.url)
-    }
-}
-
-impl Drop for Nginx {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-    }
-}
 
 #[tokio::test(flavor = "multi_thread")]
 async fn events_pass_nginx_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let server = ServerProcess::start(&folder.path().join("db.sqlite3"));
-    let nginx = Nginx::start(server.api().base()).await;
+    let nginx = NginxProxy::start(server.api().base()).await;
     let api = nginx.api();
     let _ = api.post("/v1/runs", json!({"id": "run", "design": {"designer": "off"}})).await.expect(201);
     let events = format!("{}/v1/runs/run/events", api.base());
@@ -96,7 +40,7 @@ async fn events_pass_nginx_at_once() {
 async fn long_poll_passes_nginx() {
     let folder = tempfile::tempdir().unwrap();
     let server = ServerProcess::start(&folder.path().join("db.sqlite3"));
-    let nginx = Nginx::start(server.api().base()).await;
+    let nginx = NginxProxy::start(server.api().base()).await;
     let api = nginx.api();
     let run = json!({"id": "run", "tasks": ["kessler/survival"], "design": {"designer": "off"}});
     let _ = api.post("/v1/runs", run).await.expect(201);

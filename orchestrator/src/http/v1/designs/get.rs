@@ -3,7 +3,7 @@
 use crate::api_enums::ConvertEnum;
 use api_types::{Design, DesignTransition};
 use axum::extract::State;
-use store::ids::{EpisodeId, LeaseId};
+use store::ids::{EpisodeId, LayoutId, LeaseId};
 use store::layouts::{self, LayoutEpisode};
 use store::scenarios::ScenarioLoader;
 use store::{brackets, layout_transitions};
@@ -32,9 +32,9 @@ pub(in crate::http::v1) async fn get_design(
     State(app): State<AppState>,
     Path((run, layout)): Path<(String, String)>,
 ) -> Result<axum::Json<Design>, Problem> {
-    let (run, layout) = (parse_run_id(&run)?, parse_id("design", &layout)?);
+    let (run, layout) = (parse_run_id(&run)?, parse_id::<LayoutId>("design", &layout)?);
     let mut conn = acquire_run_reader(&app, &run).await?;
-    let row = find_layout(&mut conn, &run, layout).await?;
+    let row = find_layout(&mut conn, &run, &layout).await?;
     let (mut scenario_id, mut bracket) = (None, None);
     if let Some(scenario_key) = &row.scenario {
         let scenario = ScenarioLoader::default().get(&mut conn, scenario_key).await?;

@@ -29,7 +29,7 @@ pub(in crate::http::v1) fn design_summary(row: &LayoutRow) -> Result<DesignSumma
         row.designer.parse().map_err(|error| StoreError::corrupt("the designer of a layout", error))?;
     let recent: Vec<RecentResult> = from_json("a layout's results", &row.recent_results)?;
     Ok(DesignSummary {
-        id: LayoutId(row.id).to_string(),
+        id: LayoutId::of_run(&row.run, row.id).to_string(),
         run: row.run.clone(),
         task: row.task.clone(),
         level: row.level,

@@ -32,8 +32,8 @@ pub(in crate::http::v1) async fn cancel_evaluation(
     Extension(caller): Extension<Caller>,
     Path(evaluation): Path<String>,
 ) -> Result<axum::Json<EvaluationSummary>, Problem> {
-    let EvaluationId(number) = parse_id("evaluation", &evaluation)?;
+    let EvaluationId { number, .. } = parse_id("evaluation", &evaluation)?;
     let row = app.writer.change(CancelEvaluation { id: number, actor: caller.actor() }).await?;
     tracing::info!(evaluation = row.id, "Evaluation cancelled.");
-    Ok(axum::Json(evaluation_summary(row)))
+    Ok(axum::Json(evaluation_summary(row, app.shards.own())))
 }

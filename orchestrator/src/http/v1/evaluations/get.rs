@@ -27,14 +27,17 @@ pub(in crate::http::v1) async fn get_evaluation(
     State(app): State<AppState>,
     Path(evaluation): Path<String>,
 ) -> Result<axum::Json<Evaluation>, Problem> {
-    let EvaluationId(number) = parse_id("evaluation", &evaluation)?;
+    let EvaluationId { number, .. } = parse_id("evaluation", &evaluation)?;
     let mut conn = app.readers.acquire().await?;
     let row = evaluations::get(&mut conn, number).await?.ok_or(ServiceError::UnknownEvaluation(number))?;
     if row.state != EvaluationState::Complete {
-        return Ok(axum::Json(Evaluation { summary: evaluation_summary(row), rows: Vec::new() }));
+        return Ok(axum::Json(Evaluation {
+            summary: evaluation_summary(row, app.shards.own()),
+            rows: Vec::new(),
+        }));
     }
     let found = load_evaluation(&mut conn, number).await.map_err(ServiceError::from)?;
     drop(conn);
     let rows = run_blocking(move || Ok(report_evaluation(&found).map_err(ServiceError::from)?.rows)).await?;
-    Ok(axum::Json(Evaluation { summary: evaluation_summary(row), rows }))
+    Ok(axum::Json(Evaluation { summary: evaluation_summary(row, app.shards.own()), rows }))
 }

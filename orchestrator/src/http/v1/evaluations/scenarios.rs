@@ -30,7 +30,7 @@ pub(in crate::http::v1) async fn list_evaluation_scenarios(
     Path(evaluation): Path<String>,
     Query(page): Query<PageQuery>,
 ) -> Result<axum::Json<EvaluationScenarioPage>, Problem> {
-    let EvaluationId(number) = parse_id("evaluation", &evaluation)?;
+    let EvaluationId { number, .. } = parse_id("evaluation", &evaluation)?;
     let limit = page_limit(page.limit)?;
     let after = number_after(page.cursor.as_deref())?;
     let mut conn = app.readers.acquire().await?;

@@ -5,13 +5,14 @@ use api_types::EvaluationSummary;
 
 use store::evaluations::EvaluationRow;
 use store::ids::EvaluationId;
+use store::shard::Shard;
 
 use clock::rfc3339;
 
-/// Converts the row of an evaluation.
-pub(super) fn evaluation_summary(row: EvaluationRow) -> EvaluationSummary {
+/// Converts the row of an evaluation of the server of a shard.
+pub(super) fn evaluation_summary(row: EvaluationRow, shard: Option<&Shard>) -> EvaluationSummary {
     EvaluationSummary {
-        id: EvaluationId(row.id).to_string(),
+        id: EvaluationId { shard: shard.cloned(), number: row.id }.to_string(),
         name: row.name,
         suite: row.suite,
         suite_hash: row.suite_hash,

@@ -51,7 +51,7 @@ pub(in crate::http::v1) async fn create_lease(
     let (run, owner) = (parse_run_id(&run)?, caller.owner_quota(app.client_limits.leases));
     let evaluation = evaluation.map(|text| text.parse::<EvaluationId>()).transpose();
     let evaluation =
-        evaluation.map_err(|error| Problem::invalid("evaluation", error.to_string()))?.map(|id| id.0);
+        evaluation.map_err(|error| Problem::invalid("evaluation", error.to_string()))?.map(|id| id.number);
     let lease = CreateLease {
         run: run.clone(),
         groups,

@@ -158,7 +158,7 @@ fn leased_group(
         level: group.level,
         role: group.role.convert(),
         train: group.is_for_training,
-        layout: group.layout.map(|id| LayoutId(id).to_string()),
+        layout: group.layout.map(|id| LayoutId::of_run(&row.run, id).to_string()),
         state: group.state.convert(),
     }
 }

@@ -7,6 +7,7 @@ use axum::body::Bytes;
 use axum::extract::ws::{Message, Utf8Bytes, WebSocket, close_code};
 use tokio::time::Instant;
 
+use super::SessionRoute;
 use super::error_message::ErrorMessage;
 use super::open::{OpenedSession, open_or_resume};
 use super::vector::FrameReply;
@@ -15,9 +16,7 @@ use crate::http::socket::{
     ClientGone, Received, close, close_with, receive, run_to_completion, send_message,
 };
 use crate::http::state::AppState;
-use crate::sessions::{
-    ClientIdentity, CloseReason, CloseSignal, LEASE_CHECK_INTERVAL, ResumableSession, SessionAttachment,
-};
+use crate::sessions::{CloseReason, CloseSignal, LEASE_CHECK_INTERVAL, ResumableSession, SessionAttachment};
 
 /// Longest time from the connection to an open session.
 const OPEN_TIMEOUT: Duration = Duration::from_secs(10);
@@ -50,10 +49,11 @@ fn closing_error(reason: CloseReason) -> ErrorMessage {
 }
 
 /// Serves one connection until it closes.
-pub(super) async fn serve(mut socket: WebSocket, app: AppState, who: ClientIdentity) {
-    let mut closing = app.sessions.close_signal(&who);
+pub(super) async fn serve(mut socket: WebSocket, route: SessionRoute) {
+    let mut closing = route.app.sessions.close_signal(&route.client);
     let mut early = None;
-    let opened = open_session(&mut socket, &app, &who, &mut closing, &mut early).await;
+    let opened = open_session(&mut socket, &route, &mut closing, &mut early).await;
+    let app = route.app;
     let opened = match opened {
         Ok(opened) => opened,
         Err(Some(code)) => return close_with(socket, code, "").await,
@@ -79,8 +79,7 @@ pub(super) async fn serve(mut socket: WebSocket, app: AppState, who: ClientIdent
 /// Returns the code with which to close a connection that opens no session; `None` if the client is gone.
 async fn open_session(
     socket: &mut WebSocket,
-    app: &AppState,
-    who: &ClientIdentity,
+    route: &SessionRoute,
     closing: &mut CloseSignal,
     early: &mut Option<Received>,
 ) -> Result<OpenedSession, Option<u16>> {
@@ -96,7 +95,7 @@ async fn open_session(
         let code = if matches!(received, Received::TooLarge) { close_code::SIZE } else { close_code::NORMAL };
         let error = match received {
             Received::Text(text) => {
-                match run_to_completion(socket, early, open_or_resume(app, who, &text)).await {
+                match run_to_completion(socket, early, open_or_resume(route, &text)).await {
                     Ok(opened) => return Ok(opened),
                     Err((id, error)) => {
                         if send_text(socket, error.to_json(id).into()).await.is_err() {

@@ -18,12 +18,25 @@ use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 
+use store::ids::RunId;
+
 use crate::http::access::Caller;
-use crate::http::extract::NoQuery;
+use crate::http::extract::{NoQuery, Path};
+use crate::http::path_ids::parse_run_id;
 use crate::http::problem::Problem;
+use crate::http::run_reader::acquire_run_reader;
 use crate::http::socket::limit_frames_to;
 use crate::http::state::AppState;
+use crate::sessions::ClientIdentity;
 use crate::sessions::vector::frame::MAX_REQUEST_BYTES;
+
+/// State of the server, client and run of a connection.
+pub(super) struct SessionRoute {
+    app: AppState,
+    client: ClientIdentity,
+    /// Run of the path, which all sessions of the connection have.
+    run: Option<RunId>,
+}
 
 /// Connect to a session on the server over a WebSocket.
 ///
@@ -45,9 +58,44 @@ pub(super) async fn connect_session(
     Extension(caller): Extension<Caller>,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Response {
+    connect(app, caller, None, upgrade)
+}
+
+/// Connect to a session of a run over a WebSocket.
+///
+/// As `GET /v1/sessions`, with the run in the path: a proxy that routes by shard finds its server. The message `open` needs no `run`,
+/// and may have no other one.
+#[utoipa::path(
+    get, path = "/runs/{run}/sessions", tag = "sessions", params(("run" = String, Path, description = "The run's id.")),
+    responses(
+        (status = 101, description = "The WebSocket is open; the server sends errors as messages from here on."),
+        (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 426, body = Problem, description = "The request is not a WebSocket upgrade.")
+    )
+)]
+pub(super) async fn connect_run_session(
+    _: NoQuery,
+    State(app): State<AppState>,
+    Extension(caller): Extension<Caller>,
+    Path(run): Path<String>,
+    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
+) -> Result<Response, Problem> {
+    let run = parse_run_id(&run)?;
+    drop(acquire_run_reader(&app, &run).await?);
+    Ok(connect(app, caller, Some(run), upgrade))
+}
+
+/// Serves the connection, for sessions of a run or of any.
+fn connect(
+    app: AppState,
+    caller: Caller,
+    run: Option<RunId>,
+    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
+) -> Response {
     match upgrade {
-        Ok(upgrade) => limit_frames_to(upgrade, MAX_REQUEST_BYTES)
-            .on_upgrade(move |socket| connection::serve(socket, app, caller.identity)),
+        Ok(upgrade) => limit_frames_to(upgrade, MAX_REQUEST_BYTES).on_upgrade(move |socket| {
+            connection::serve(socket, SessionRoute { app, client: caller.identity, run })
+        }),
         Err(_) => {
             let words = "The request must be a WebSocket upgrade.";
             let problem = Problem::new(StatusCode::UPGRADE_REQUIRED, "upgrade_required", words);

@@ -3,9 +3,11 @@
 use axum::body::Bytes;
 use serde::Deserialize;
 use serde_json::{Map, Value};
+use store::ids::RunId;
+use store::shard::Shard;
 
 use super::error_message::ErrorMessage;
-use super::{messages, session_request};
+use super::{SessionRoute, messages, session_request};
 use crate::http::state::AppState;
 use crate::limits::constants::ORDINARY_INPUT_LIMITS;
 use crate::sessions::vector::frame::FRAME_VERSION;
@@ -95,17 +97,45 @@ fn check_version(version: u16) -> Result<(), ErrorMessage> {
 
 /// Opens or resumes a session, by the type of the first message.
 pub(super) async fn open_or_resume(
-    app: &AppState,
-    who: &ClientIdentity,
+    SessionRoute { app, client, run }: &SessionRoute,
     text: &str,
 ) -> Result<OpenedSession, (Option<u64>, ErrorMessage)> {
-    let ClientMessage { kind, id, fields } = parse_message(text)?;
+    let ClientMessage { kind, id, mut fields } = parse_message(text)?;
     let opened = match kind.as_str() {
-        "open" => open(app, who, fields).await,
-        "resume" => resume(app, who, fields).await,
+        "open" => match settle_run(app, run.as_ref(), &mut fields) {
+            Ok(()) => open(app, client, fields).await,
+            Err(error) => Err(error),
+        },
+        "resume" => resume(app, client, fields).await,
         other => Err(unknown_type(other, "open or resume in the first message")),
     };
     opened.map_err(|error| (id, error))
+}
+
+/// Completes the run of a message by that of the path. Rejects a run of another shard, which is not on this server.
+fn settle_run(
+    app: &AppState,
+    run: Option<&RunId>,
+    fields: &mut Map<String, Value>,
+) -> Result<(), ErrorMessage> {
+    let named = fields.get("run").and_then(Value::as_str);
+    match (run, named) {
+        (Some(run), None) if fields.get("run").is_none_or(Value::is_null) => {
+            fields.insert("run".to_owned(), Value::String(run.to_string()));
+            Ok(())
+        }
+        (Some(run), Some(named)) if named != run.as_str() => {
+            Err(ErrorMessage::invalid("run", format!("must be {run}, the run of the path, or left out")))
+        }
+        (None, Some(named)) => match Shard::of_id(named).zip(app.shards.own()) {
+            Some((shard, own)) if shard != *own => {
+                let words = format!("is on the shard {shard}; connect to /v1/runs/{named}/sessions");
+                Err(ErrorMessage::invalid("run", words))
+            }
+            _ => Ok(()),
+        },
+        _ => Ok(()),
+    }
 }
 
 async fn open(
