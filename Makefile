@@ -60,6 +60,7 @@ test-clients: test-python
 test-browser: check-cargo check-clippy check-node ## Test the dashboard in Chromium against real servers (after `make dashboard`)
 	scripts/chromium
 	scripts/nats
+	scripts/nginx
 	$(BUILD_TESTS)
 	cd dashboard && SPARRING_BINARY="$(CURDIR)/target/debug/sparring" npm run test:browser
 

@@ -19,14 +19,15 @@ export class SparringServer {
     private readonly environment: Record<string, string>,
   ) {}
 
-  /** Starts a server with a new database at a free port of 127.0.0.1. */
+  /** Starts a server with a new database at a free port of 127.0.0.1, or at another address. */
   static async start(
     flags: string[] = [],
     environment: Record<string, string> = {},
+    bind = "127.0.0.1:0",
   ): Promise<SparringServer> {
     const folder = await mkdtemp(join(tmpdir(), "sparring-browser-"));
     const server = new SparringServer(folder, flags, environment);
-    await server.#serve("127.0.0.1:0");
+    await server.#serve(bind);
     return server;
   }
 

@@ -34,6 +34,7 @@ export type SectorQuantity = Schema["SectorQuantity"];
 export type GroupRole = Schema["GroupRole"];
 export type LevelTable = Schema["LevelTable"];
 export type JobCounters = Schema["JobCounters"];
+export type MissingShard = Schema["MissingShard"];
 export type PolicyVersion = Schema["PolicyVersion"];
 export type RecordedMove = Schema["RecordedMove"];
 export type RemoteWorker = Schema["RemoteWorker"];

@@ -1,5 +1,6 @@
 /** Actions on many runs, in requests that the server accepts. */
 import { client, unwrap } from "./api";
+import { groupByShard } from "./shards";
 
 /** Number of runs of a request; the server accepts 1,000. */
 const CHUNK = 500;
@@ -9,10 +10,15 @@ export async function archiveRuns(
   runs: readonly string[],
   progress: (done: number) => void = () => undefined,
 ) {
-  for (let first = 0; first < runs.length; first += CHUNK) {
-    const chunk = runs.slice(first, first + CHUNK);
-    await unwrap(client.POST("/v1/archive", { body: { runs: chunk } }));
-    progress(first + chunk.length);
+  let done = 0;
+  // All runs of a request are of one shard.
+  for (const group of groupByShard(runs)) {
+    for (let first = 0; first < group.length; first += CHUNK) {
+      const chunk = group.slice(first, first + CHUNK);
+      await unwrap(client.POST("/v1/archive", { body: { runs: chunk } }));
+      done += chunk.length;
+      progress(done);
+    }
   }
 }
 

@@ -1,6 +1,6 @@
 /** Runs of the server that match filters, in an order, loaded page by page while the user scrolls. */
 import { client, unwrap } from "./api";
-import type { RunSummary } from "./api-types";
+import type { MissingShard, RunSummary } from "./api-types";
 import { LatestRequest } from "./latest-request";
 import type { RunFilters, Sort } from "./run-query";
 
@@ -19,6 +19,8 @@ export class RunList {
   runs = $state.raw<RunSummary[]>([]);
   /** Number of all runs that match; null before the first page is loaded. */
   total = $state<number | null>(null);
+  /** Shards whose runs the list lacks, by the latest request. */
+  missing = $state.raw<MissingShard[]>([]);
   /** Error of the latest request; null if it succeeded. */
   error = $state<unknown>(null);
   readonly query: RunListQuery;
@@ -38,13 +40,16 @@ export class RunList {
       const runs: RunSummary[] = [];
       let next: string | null = null;
       let total: number | null = null;
+      let missing: MissingShard[];
       do {
         const page = await this.#fetch(next, Math.min(MAX_PAGE, wanted - runs.length));
         runs.push(...page.runs);
         total ??= page.total ?? null;
         next = page.next ?? null;
+        missing = page.missing_shards;
         if (!isCurrent()) return;
       } while (next !== null && runs.length < wanted);
+      this.missing = missing;
       [this.runs, this.total, this.#next, this.error] = [runs, total, next, null];
     } catch (error) {
       if (isCurrent()) this.error = error;
@@ -63,6 +68,7 @@ export class RunList {
       const known = this.runs.map((run) => run.id);
       this.runs = [...this.runs, ...page.runs.filter((run) => !known.includes(run.id))];
       this.#next = page.next ?? null;
+      this.missing = page.missing_shards;
       this.error = null;
     } catch (error) {
       if (isCurrent()) this.error = error;
