@@ -7,6 +7,7 @@ import json
 import ssl
 import time
 from typing import Any
+from urllib.parse import quote
 
 from websockets.exceptions import InvalidStatus, WebSocketException
 from websockets.sync.client import ClientConnection, connect
@@ -70,6 +71,9 @@ class Session:
 
     def __init__(self, url: str, request: dict[str, Any], max_wait_s: float) -> None:
         self._url = url
+        # A proxy in front of several servers finds the one of the run by the path.
+        run = request.get("run")
+        self._path = f"/v1/runs/{quote(run, safe='')}/sessions" if run else "/v1/sessions"
         self._max_wait_s = max_wait_s
         self._message_id = 0
         self._socket: ClientConnection | None = None
@@ -130,7 +134,7 @@ class Session:
         token, ca_file = read_token(None), read_ca_file(None)
         is_secure = self._url.startswith("https://")
         connection: contextlib.AbstractContextManager[ClientConnection] = connect(
-            self._url.replace("http", "ws", 1) + "/v1/sessions",
+            self._url.replace("http", "ws", 1) + self._path,
             max_size=None,
             additional_headers={"Authorization": f"Bearer {token}"} if token else {},
             ssl=ssl.create_default_context(cafile=ca_file) if is_secure else None,
