@@ -9,6 +9,9 @@ from . import _native
 from ._native import CurriculumError
 from .errors import invalid
 
+#: Address of a server with default settings.
+DEFAULT_URL = "http://127.0.0.1:8700"
+
 
 def read_token(token: str | None) -> str | None:
     """Returns the token to send: the given one, or `SPARRING_TOKEN`; None if it is empty.
@@ -22,6 +25,11 @@ def read_token(token: str | None) -> str | None:
     if not all("!" <= letter <= "~" for letter in token):
         raise ValueError("`token` must consist of printable ASCII characters without spaces; `sparring token create` prints one")
     return token or None
+
+
+def read_url(url: str | None) -> str:
+    """Returns the address of the server: the given one, or `SPARRING_URL`, or that of a server with default settings."""
+    return url or os.environ.get("SPARRING_URL") or DEFAULT_URL
 
 
 def read_ca_file(ca_file: str | os.PathLike[str] | None) -> str | None:

@@ -16,28 +16,21 @@ import numpy as np
 
 from . import _native
 from ._native import CurriculumError as CurriculumError
+from .connection import DEFAULT_URL as DEFAULT_URL
 from .connection import needs_token, read_token
-from .curriculum_arguments import MAX_LEASE_GROUPS, Form, Purpose, check_modes, check_numbers
+from .curriculum_arguments import Form, Purpose, check_modes, check_numbers, default_column_groups, default_groups
 from .errors import invalid
 from .metrics import task_metrics
 from .scenario import copy_mapping, to_json
 from .server import Server
 from .trainer_metrics import MetricsSender, metrics_request
 
-#: Address of a server with default settings.
-DEFAULT_URL = "http://127.0.0.1:8700"
 #: Timeout of submitting results when a program exits without `close`, seconds.
 EXIT_TIMEOUT_S = 15.0
 #: Timeout of sending the last metrics of the trainer when the curriculum is closed, seconds.
 METRICS_TIMEOUT_S = 5.0
 #: Number of environments from which on `form="auto"` uses columns.
 MIN_COLUMN_ENVS = 256
-#: Maximum number of episodes of a lease of groups.
-MAX_GROUP_EPISODES = 16_384
-#: Maximum number of episodes of a lease of columns.
-MAX_COLUMN_EPISODES = 100_000
-#: Default number of groups of a lease of groups, and the minimum for columns.
-DEFAULT_LEASE_GROUPS = 64
 
 
 class Curriculum:
@@ -68,7 +61,8 @@ class Curriculum:
         ttl_s: Lifetime of a lease without renewal, 1 to 86 400 seconds; longer than an episode. The server offers the episodes
             of an expired lease to other clients.
 
-    A forked process cannot use the curriculum. It must make one with the same `run`.
+    A forked process cannot use the curriculum. It must make one with the same `run`. A pickled curriculum opens the run in the
+    process that loads it, with the token in `SPARRING_TOKEN` of that process: tokens are not pickled.
 
     Raises:
         CurriculumError: The server does not answer, has no such run, or rejects the request.
@@ -209,10 +203,9 @@ class Curriculum:
             columns = self._form == "columns" or (
                 self._form == "auto" and num_envs >= MIN_COLUMN_ENVS and self._supports_columns()
             )
-            default_groups = max(1, min(DEFAULT_LEASE_GROUPS, MAX_GROUP_EPISODES // self.group_size))
-            column_groups = min(max(num_envs, DEFAULT_LEASE_GROUPS), MAX_LEASE_GROUPS, MAX_COLUMN_EPISODES // self.group_size)
-            groups = self._lease_groups or (max(1, column_groups) if columns else default_groups)
-            fallback_groups = self._lease_groups or default_groups if self._form == "auto" else None
+            of_groups = self._lease_groups or default_groups(self.group_size)
+            groups = self._lease_groups or default_column_groups(self.group_size, num_envs) if columns else of_groups
+            fallback_groups = of_groups if self._form == "auto" else None
             self._native = _native.NativeCurriculum(
                 self.url,
                 self.run,
@@ -383,6 +376,11 @@ class Curriculum:
         if hasattr(self, "_exit_hook"):
             self._at_exit()
             atexit.unregister(self._exit_hook)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        arguments = {"form": self._form, "lease_groups": self._lease_groups, **self._lease_settings}
+        arguments |= {} if self.token else {"token": ""}
+        return functools.partial(type(self), self.url, self.run, **arguments), ()
 
     def __enter__(self) -> Curriculum:
         return self

@@ -13,6 +13,12 @@ Purpose = Literal["train", "probe", "eval"]
 
 #: Maximum number of groups of a lease.
 MAX_LEASE_GROUPS = 1024
+#: Default number of groups of a lease of groups, and the minimum for columns.
+DEFAULT_LEASE_GROUPS = 64
+#: Maximum number of episodes of a lease of groups.
+MAX_GROUP_EPISODES = 16_384
+#: Maximum number of episodes of a lease of columns.
+MAX_COLUMN_EPISODES = 100_000
 #: Maximum of each integer argument of `Curriculum`.
 INTEGER_LIMITS = {
     "lease_groups": MAX_LEASE_GROUPS,
@@ -51,3 +57,13 @@ def check_numbers(max_wait_s: Any, **integers: Any) -> None:
             raise invalid(name, f"an integer from 1 to {limit}", value)
     if not isinstance(max_wait_s, (int, float, np.number)) or not 0.0 <= max_wait_s < 1e9:
         raise invalid("max_wait_s", "a number of seconds from 0 to 1e9", max_wait_s)
+
+
+def default_groups(group_size: int) -> int:
+    """Returns the default number of groups of a lease of groups."""
+    return max(1, min(DEFAULT_LEASE_GROUPS, MAX_GROUP_EPISODES // group_size))
+
+
+def default_column_groups(group_size: int, num_envs: int) -> int:
+    """Returns the default number of groups of a lease of columns for a number of environments."""
+    return max(1, min(max(num_envs, DEFAULT_LEASE_GROUPS), MAX_LEASE_GROUPS, MAX_COLUMN_EPISODES // group_size))

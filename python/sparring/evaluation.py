@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from .curriculum import MAX_GROUP_EPISODES, Curriculum, CurriculumError
+from .curriculum import Curriculum, CurriculumError
+from .curriculum_arguments import MAX_GROUP_EPISODES
 from .errors import invalid
 from .vector import VectorEnvironment, make_vec
 

@@ -1,6 +1,7 @@
 """Arguments of a curriculum: servers, tokens and values that are rejected."""
 
 import os
+import pickle
 import subprocess
 import sysconfig
 
@@ -83,6 +84,25 @@ def test_reopened_curriculum_has_the_same_max_wait():
     with local_curriculum(max_wait_s=1.5) as curriculum:
         assert curriculum.reopen()._lease_settings["max_wait_s"] == 1.5
         assert curriculum.reopen(max_wait_s=3)._lease_settings["max_wait_s"] == 3.0
+
+
+def test_pickled_curriculum_opens_the_same_run(tmp_path, monkeypatch):
+    db = tmp_path / "run.sqlite3"
+    with local_curriculum(db=db, form="columns", lease_groups=3, max_wait_s=1.5, ttl_s=20) as curriculum:
+        monkeypatch.setenv("SPARRING_TOKEN", "sparring_1_of_another")
+        with pickle.loads(pickle.dumps(curriculum)) as loaded:
+            assert (loaded.url, loaded.run, loaded.token) == (curriculum.url, curriculum.run, None)
+            assert (loaded._form, loaded._lease_groups) == ("columns", 3)
+            assert loaded._lease_settings == curriculum._lease_settings
+    command = [BINARY, "token", "create", "mine", "--role", "trainer", "--db", os.fspath(db)]
+    token = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    with local_curriculum(db=db, token=token) as curriculum:
+        pickled = pickle.dumps(curriculum)
+        assert token.encode() not in pickled
+        with pytest.raises(sparring.CurriculumError, match="401"):
+            pickle.loads(pickled)
+        monkeypatch.setenv("SPARRING_TOKEN", token)
+        pickle.loads(pickled).close()
 
 
 def test_program_is_found_beside_python(tmp_path, monkeypatch):

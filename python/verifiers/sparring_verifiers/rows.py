@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from sparring.client import ApiError, Client, ServerUnreachableError
-from sparring.curriculum import MAX_GROUP_EPISODES
+from sparring.curriculum_arguments import MAX_GROUP_EPISODES
 from sparring.evaluation import MAX_EVALUATION_LEASE_GROUPS
 
 #: Lifetime of the leases, seconds: the maximum. Rows may wait for hours until their rollouts begin.
