@@ -24,7 +24,7 @@ try:
     from .rllib_environments import AgentsEnv as AgentsEnv
     from .rllib_environments import TeamVectorEnv as TeamVectorEnv
     from .rllib_environments import agents_env as agents_env
-    from .rllib_environments import register_environments
+    from .rllib_environments import open_curriculum, register_environments
     from .rllib_environments import team_env as team_env
     from .rllib_module import AgentsModule as AgentsModule
     from .rllib_module import module_spec as module_spec
@@ -32,7 +32,7 @@ try:
 except ImportError as error:
     raise ImportError("sparring.rllib needs RLlib: pip install 'sparring[rllib]'") from error
 
-from .curriculum import DEFAULT_URL, Curriculum, CurriculumError
+from .curriculum import Curriculum, CurriculumError
 from .trainer_metrics import TrainerReport
 
 #: RLlib's name of `team_env`: one agent acts for a whole environment.
@@ -96,8 +96,7 @@ class CurriculumCallback(RLlibCallback):
             raise ValueError(_EVALUATION_COUNTS)
         if arguments is not None:
             # It runs no episodes: env runners have curricula of their own.
-            url, token = arguments.get("url", DEFAULT_URL), arguments.get("token")
-            self._curriculum = Curriculum(url, arguments["run"], token=token)
+            self._curriculum = open_curriculum({name: arguments[name] for name in ("url", "run", "token") if name in arguments})
             self._report = TrainerReport(self._curriculum if self.report else None)
             self._start(algorithm, self._curriculum)
 

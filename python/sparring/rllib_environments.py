@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+import socket
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -16,7 +17,9 @@ from gymnasium.vector.utils import batch_space
 from ray.rllib.env.multi_agent_env import MultiAgentEnv
 from ray.tune.registry import register_env
 
-from .curriculum import Curriculum
+from . import _native
+from .connection import read_url
+from .curriculum import Curriculum, CurriculumError
 from .errors import invalid
 from .parallel import ParallelEnvironment, parallel_env
 from .vector import VectorEnvironment, make_vec
@@ -39,8 +42,8 @@ def team_env(config: Mapping[str, Any]) -> TeamVectorEnv:
 
     Args:
         config: RLlib's env_config: arguments of `sparring.make_vec` without `telemetry`, which is not flat. `curriculum` has
-            the arguments of `sparring.Curriculum`: `{"url": …, "run": …}`. Pass a token by `SPARRING_TOKEN` on each host,
-            since RLlib writes env_configs to checkpoints and logs.
+            the arguments of `sparring.Curriculum`: `{"url": …, "run": …}`. Without `url`, each host uses its `SPARRING_URL`.
+            Pass a token by `SPARRING_TOKEN` on each host, since RLlib writes env_configs to checkpoints and logs.
 
     Raises:
         ValueError: A value is unknown or out of range; the message names the field.
@@ -82,6 +85,27 @@ def _read_config(config: Mapping[str, Any]) -> dict[str, Any]:
     return settings
 
 
+def open_curriculum(arguments: Mapping[str, Any]) -> Curriculum:
+    """Opens the curriculum of an env_config on this host; without `url`, at the address in `SPARRING_URL`.
+
+    Raises:
+        ValueError: A value is unknown or out of range, or there is no run; the message names the field.
+        CurriculumError: The server does not answer, has no such run, or rejects the request.
+    """
+    if not isinstance(arguments, Mapping) or not arguments.get("run"):
+        raise invalid("curriculum", "a dict with the url of a server and the run that all env runners share", arguments)
+    url = read_url(arguments.get("url"))
+    try:
+        return Curriculum(**{**arguments, "url": url})
+    except CurriculumError as error:
+        if not _native.is_loopback(url) or "no server answers" not in str(error):
+            raise
+        raise CurriculumError(
+            f"{error}; {url} is an address of this host itself ({socket.gethostname()}): with several hosts, `url` must name the "
+            "host of the server, and the server must serve others (--bind 0.0.0.0:8700, with tokens)"
+        ) from error
+
+
 class _SharedCurricula:
     """Curricula of this process, counted by reference: environments with equal arguments share one, and the last closes it."""
 
@@ -90,11 +114,9 @@ class _SharedCurricula:
         self._open: dict[str, tuple[Curriculum, int]] = {}
 
     def acquire(self, arguments: Mapping[str, Any]) -> tuple[str, Curriculum]:
-        if not isinstance(arguments, Mapping) or not arguments.get("run"):
-            raise invalid("curriculum", "a dict with the url of a server and the run that all env runners share", arguments)
-        key = json.dumps(dict(arguments), sort_keys=True)
+        key = json.dumps(dict(arguments) if isinstance(arguments, Mapping) else None, sort_keys=True)
         with self._lock:
-            curriculum, users = self._open.get(key) or (Curriculum(**arguments), 0)
+            curriculum, users = self._open.get(key) or (open_curriculum(arguments), 0)
             self._open[key] = curriculum, users + 1
         return key, curriculum
 
