@@ -24,6 +24,7 @@ CODE_TESTS = {
     "docs/guides/export-onnx.md": "python/tests/trainers/test_onnx_export.py::test_printed_code_exports",
     "docs/guides/from-bsk-rl.md": "python/tests/tasking_api/test_guide.py::test_printed_code_runs",
     "docs/guides/log-metrics.md": "python/tests/heavy/test_loggers_heavy.py::test_printed_loggers_store_the_numbers",
+    "docs/guides/ray.md": "python/tests/heavy/test_ray_printed.py::test_printed_code_trains",
     "docs/guides/train-own-loop.md": "python/tests/test_docs.py::test_own_loop_page_runs_from_top_to_bottom",
     "docs/guides/train-rllib.md": "python/tests/heavy/test_printed.py::test_printed_algorithm_trains",
     "docs/guides/train-trl.md": "python/tests/heavy/test_printed.py::test_printed_trainer_trains",
@@ -34,6 +35,7 @@ CODE_TESTS = {
     "python/README.md": "python/tests/test_docs.py::test_package_readme_code_runs",
 }
 PRINTED_EXAMPLE = "python/tests/test_docs.py::test_printed_examples_run"
+RAY_COMMANDS = "python/tests/heavy/test_ray_printed.py::test_printed_commands_train_on_started_nodes"
 PLANNED_EVIDENCE = "python/tests/trainers/test_evidence.py::test_printed_commands_plan_trainings"
 README_TRAINER = "python/tests/test_docs.py::test_readme_trainer_learns"
 #: Test that runs the commands of a page that start with these words; `pip` commands have a test of their own.
@@ -49,9 +51,7 @@ COMMAND_TESTS = {
     ("docs/guides/train-own-loop.md", "python -m sparring.experiments evidence"): (
         "python/tests/trainers/test_evidence.py::test_printed_command_learns_from_groups"
     ),
-    ("docs/guides/train-rllib.md", "python examples/rllib_ppo.py"): (
-        "python/tests/heavy/test_printed.py::test_printed_command_for_several_hosts_is_valid"
-    ),
+    ("docs/guides/ray.md", "python examples/"): RAY_COMMANDS,
     ("docs/guides/train-rllib.md", "python examples/scanning_rllib.py"): (
         "python/tests/heavy/test_printed.py::test_printed_scanning_command_trains_and_plots"
     ),
@@ -89,6 +89,7 @@ EXTRAS_OF_FEATURES = {
     "sparring.Client(": "client",
     "sparring.sb3": "sb3",
     "sparring.rllib": "rllib",
+    "sparring.tune": "rllib",
     "sparring.trl": "trl",
     "sparring.experiments": "experiments",
     "sparring.export_onnx(": "onnx",

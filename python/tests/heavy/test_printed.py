@@ -9,7 +9,6 @@ import contextlib
 import json
 import os
 import re
-import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -58,15 +57,6 @@ def test_printed_algorithm_trains(server_url):
     assert "evaluation" not in result and evaluated["evaluation"]["env_runners"]["num_episodes"] >= 10
     assert result["curriculum"]["episodes/finished"] > 0
     assert result["env_runners"]["num_env_steps_sampled"] >= 2 * 32 * 50
-
-
-def test_printed_command_for_several_hosts_is_valid(monkeypatch):
-    import rllib_ppo
-
-    command = printed_command("docs/guides/train-rllib.md", "python examples/rllib_ppo.py")
-    monkeypatch.setattr(sys, "argv", shlex.split(command)[1:])
-    args, _ = rllib_ppo.parse_arguments()
-    assert (args.ray, args.url, args.env_runners) == ("auto", "http://head:8700", 16)
 
 
 def test_printed_scanning_command_trains_and_plots(tmp_path):
