@@ -56,6 +56,8 @@ pub struct PolicyRequest {
     pub max_unacknowledged_groups: Option<u32>,
     /// True to replace groups whose episodes all have the same score (default false).
     pub refill: Option<bool>,
+    /// How trainers receive groups (default `http`). `nats` needs a server that was started with `--nats`.
+    pub delivery: Option<FeedDelivery>,
 }
 
 /// Settings of a run's policy, complete, as stored.
@@ -74,6 +76,9 @@ pub struct PolicySettings {
     /// True if groups whose episodes all have the same score are replaced.
     #[serde(default)]
     pub refill: bool,
+    /// How trainers receive groups.
+    #[serde(default)]
+    pub delivery: FeedDelivery,
 }
 
 /// Default number of unacknowledged groups in a feed.
@@ -90,6 +95,7 @@ impl Default for PolicySettings {
             observations: ObservationMode::default(),
             max_unacknowledged_groups: DEFAULT_MAX_UNACKNOWLEDGED_GROUPS,
             refill: false,
+            delivery: FeedDelivery::default(),
         }
     }
 }
@@ -103,6 +109,17 @@ pub enum ObservationMode {
     Telemetry,
     /// Trajectories have no observations.
     None,
+}
+
+/// Delivery of the groups of a feed to trainers.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FeedDelivery {
+    /// Trainers claim groups over HTTP.
+    #[default]
+    Http,
+    /// The server publishes groups to a stream on NATS, too. Acknowledgements of its consumers acknowledge groups.
+    Nats,
 }
 
 /// Policy of a run, with its settings and progress.

@@ -1,4 +1,4 @@
-//! `--nats…` of `sparring serve`: workers on other machines.
+//! `--nats…` of `sparring serve`: workers on other machines, and trajectory feeds.
 
 use std::time::Duration;
 
@@ -9,8 +9,8 @@ use orchestrator::service::RemoteWorkersConfig;
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "NATS")]
 pub struct RemoteWorkersArgs {
-    /// Let workers on other machines (`sparring worker`) do jobs, through the NATS server with JetStream at this URL, such as
-    /// nats://10.0.0.5:4222; while it is away, or without workers, the server does all jobs itself
+    /// Let workers on other machines (`sparring worker`) do jobs, and publish trajectory feeds, through the NATS server with JetStream
+    /// at this URL, such as nats://10.0.0.5:4222; while it is away, or without workers, the server does all jobs itself
     #[arg(long, value_name = "URL", env = "SPARRING_NATS", hide_env_values = true)]
     nats: Option<String>,
     #[command(flatten)]

@@ -2,6 +2,7 @@
 //!
 //! [`JobQueue`] is the interface. [`LocalQueue`] computes on thread pools of this process. [`nats::server::NatsQueue`] sends jobs to
 //! workers on other machines through NATS JetStream, and computes itself what no worker can do. [`nats::worker`] is the other side.
+//! [`nats::feed`] carries trajectory feeds by the same connection settings.
 //! Nothing here touches a database: a result comes with a [`Receipt`], which its caller acknowledges after the commit. Start reading
 //! at [`queue`].
 

@@ -8,8 +8,10 @@ use crate::kind::JobKind;
 use crate::wire::{WireBytes, WireError, from_bytes, to_bytes};
 use crate::world_version::FORMAT;
 
-/// Largest message, in bytes. JetStream itself refuses messages above 1 MiB.
+/// Largest message of NATS, in bytes. JetStream itself refuses messages above 1 MiB. Larger jobs and results go to its object store.
 pub const MAX_MESSAGE_BYTES: usize = 512 * 1024;
+/// Largest job or result, in bytes.
+pub const MAX_ENVELOPE_BYTES: usize = 16 << 20;
 
 /// Id of a job: the start of the server that published it, and a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -110,7 +112,7 @@ pub enum EnvelopeError {
         got: u16,
     },
     /// The message is too large.
-    #[error("the message has {bytes} bytes, and at most {MAX_MESSAGE_BYTES} are allowed")]
+    #[error("the message has {bytes} bytes, and at most {MAX_ENVELOPE_BYTES} are allowed")]
     TooLarge {
         /// Size of the message.
         bytes: usize,
@@ -186,7 +188,7 @@ fn check_format(got: u16) -> Result<(), EnvelopeError> {
 }
 
 fn bounded(message: Vec<u8>) -> Result<Vec<u8>, EnvelopeError> {
-    if message.len() <= MAX_MESSAGE_BYTES {
+    if message.len() <= MAX_ENVELOPE_BYTES {
         Ok(message)
     } else {
         Err(EnvelopeError::TooLarge { bytes: message.len() })

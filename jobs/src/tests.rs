@@ -9,7 +9,7 @@ use proptest::prelude::*;
 
 use crate::audit::AuditPayload;
 use crate::envelope::{
-    EnvelopeError, FencingToken, JobAddress, JobEnvelope, JobId, JobReply, MAX_MESSAGE_BYTES, ReplyBody,
+    EnvelopeError, FencingToken, JobAddress, JobEnvelope, JobId, JobReply, MAX_ENVELOPE_BYTES, ReplyBody,
     ResultEnvelope,
 };
 use crate::prepare::ParentScenario;
@@ -115,8 +115,8 @@ fn envelopes_are_bounded_and_carry_the_token() {
     let result = ResultEnvelope::read(&ResultEnvelope::write(&job, "worker", reply).unwrap()).unwrap();
     assert_eq!((result.id, result.token, result.worker.as_str()), (job.id, job.token, "worker"));
     // One byte of the body takes one byte of the message.
-    assert!(JobEnvelope::write(address("w"), vec![255; MAX_MESSAGE_BYTES - 100]).is_ok());
-    let large = JobEnvelope::write(address("w"), vec![0; MAX_MESSAGE_BYTES]);
+    assert!(JobEnvelope::write(address("w"), vec![255; MAX_ENVELOPE_BYTES - 100]).is_ok());
+    let large = JobEnvelope::write(address("w"), vec![0; MAX_ENVELOPE_BYTES]);
     assert!(matches!(large, Err(EnvelopeError::TooLarge { .. })));
 }
 

@@ -102,13 +102,14 @@ pub fn register() {
     register_zeros();
 }
 
-/// Describes the metrics of alerts and of workers on other machines.
+/// Describes the metrics of alerts, of feeds on NATS and of workers on other machines.
 fn describe_operation() {
     describe_gauge!("sparring_alerts", "Alerts that last, by rule.");
     describe_counter!(
         "sparring_alert_messages_total",
         "Attempts to tell the webhook of an alert, by outcome: sent, failed."
     );
+    describe_gauge!("sparring_feed_unpublished", "Groups of feeds on NATS that are not published yet.");
     describe_gauge!("sparring_remote_workers", "Workers on other machines, by state.");
     describe_gauge!("sparring_remote_degraded", "1 if --nats is set and no worker does jobs, else 0.");
     describe_gauge!("sparring_remote_jobs_waiting", "Jobs that were sent to workers and have no result yet.");
@@ -316,6 +317,11 @@ pub fn set_remote_workers(status: &QueueStatus) {
         counter!("sparring_worker_jobs_total", "worker" => worker.id.clone()).absolute(worker.jobs);
         counter!("sparring_worker_errors_total", "worker" => worker.id.clone()).absolute(worker.errors);
     }
+}
+
+/// Sets the number of groups that wait to be published on NATS.
+pub fn set_unpublished_groups(groups: usize) {
+    gauge!("sparring_feed_unpublished").set(groups as f64);
 }
 
 #[cfg(test)]

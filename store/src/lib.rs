@@ -30,6 +30,7 @@ pub mod evaluations;
 pub mod events;
 pub mod failure_sectors;
 pub mod failures;
+pub mod feeds;
 mod file_watch;
 #[doc(hidden)]
 pub mod fuzzing;

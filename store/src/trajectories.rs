@@ -139,6 +139,20 @@ pub async fn after(
     .await?)
 }
 
+/// Reads all groups of a run that are not acknowledged, in order.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn unacknowledged(conn: &mut SqliteConnection, run: &str) -> Result<Vec<FeedGroup>, StoreError> {
+    Ok(sqlx::query_as!(
+        FeedGroup,
+        "SELECT id, deliveries, bytes FROM trajectory_groups WHERE run = ? AND state <> 'acknowledged' ORDER BY id",
+        run
+    )
+    .fetch_all(conn)
+    .await?)
+}
+
 /// Marks a group as delivered. It can be delivered again from `visible_at` on.
 ///
 /// # Errors

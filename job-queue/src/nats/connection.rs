@@ -76,6 +76,14 @@ impl Connection {
         // An error means that the client is gone, which is an interruption too.
         let _ = self.interrupted.wait_for(|interrupted| *interrupted).await;
     }
+
+    /// Returns a future that ends when the connection is interrupted, and borrows nothing.
+    pub(crate) fn interruption(&self) -> impl Future<Output = ()> + Send + use<> {
+        let mut interrupted = self.interrupted.clone();
+        async move {
+            let _ = interrupted.wait_for(|interrupted| *interrupted).await;
+        }
+    }
 }
 
 /// Adds the credentials of a file: a token with its key, as NATS accounts have them (`.creds`), or the seed of an nkey (`SU…`).

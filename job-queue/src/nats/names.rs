@@ -102,6 +102,31 @@ impl ClusterName {
         format!("sparring.{self}.workers.*")
     }
 
+    /// Name of the bucket of large jobs and results.
+    pub(crate) fn job_objects(&self) -> String {
+        format!("SPARRING_{self}_JOBS")
+    }
+
+    /// Beginning of the names of the streams of trajectory feeds.
+    pub(crate) fn feed_prefix(&self) -> String {
+        format!("SPARRING_{self}_FEED_")
+    }
+
+    /// Name of the stream of a run's trajectory feed, and of the bucket of its large groups.
+    pub(crate) fn feed_stream(&self, run: &str) -> String {
+        format!("{}{run}", self.feed_prefix())
+    }
+
+    /// Subject of the groups of a run's trajectory feed.
+    pub(crate) fn feed(&self, run: &str) -> String {
+        format!("sparring.{self}.feed.{run}")
+    }
+
+    /// Name of the key-value bucket with the states of runs.
+    pub(crate) fn run_states_bucket(&self) -> String {
+        format!("SPARRING_{self}_RUNS")
+    }
+
     /// Subject of the answers to a worker.
     pub(crate) fn control(&self, worker: &str) -> String {
         format!("sparring.{self}.control.{worker}")

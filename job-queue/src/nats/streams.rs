@@ -10,6 +10,7 @@ use jobs::envelope::MAX_MESSAGE_BYTES;
 
 use super::connection::NatsError;
 use super::names::ClusterName;
+use super::objects::ObjectBucket;
 
 /// Time after which an unacknowledged job is delivered to another worker. Workers extend it while they work.
 pub(crate) const JOB_ACK_WAIT: Duration = Duration::from_secs(5);
@@ -21,7 +22,7 @@ const MAX_JOBS_HELD: i64 = 20_000;
 const RESULT_ACK_WAIT: Duration = Duration::from_secs(60);
 /// Largest number of results that wait for their commit.
 const MAX_RESULTS_HELD: i64 = 20_000;
-/// Age after which messages are deleted: those of a server that ended for ever.
+/// Age after which messages and objects are deleted: those of a server that ended for ever.
 const MAX_AGE: Duration = Duration::from_secs(3600);
 /// Time in which a repeated message id is recognised.
 const DUPLICATE_WINDOW: Duration = Duration::from_secs(120);
@@ -43,10 +44,11 @@ fn stream_config(name: String, subjects: String) -> Config {
     }
 }
 
-/// Creates the streams and the consumers of jobs, or updates their settings. Returns the streams.
+/// Creates the streams, the bucket and the consumers of jobs, or updates their settings. Returns the streams.
 pub(crate) async fn create(context: &Context, cluster: &ClusterName) -> Result<JobStreams, NatsError> {
     let jobs = upsert(context, stream_config(cluster.jobs_stream(), cluster.all_jobs())).await?;
     let results = upsert(context, stream_config(cluster.results_stream(), cluster.all_results())).await?;
+    job_objects(context, cluster).ensure().await?;
     for kind in JobKind::ALL {
         let consumer = pull::Config {
             durable_name: Some(kind.as_str().to_owned()),
@@ -63,13 +65,19 @@ pub(crate) async fn create(context: &Context, cluster: &ClusterName) -> Result<J
     Ok(JobStreams { jobs, results })
 }
 
+/// Returns the bucket of the jobs and results of a cluster that are too large for a message.
+pub(crate) fn job_objects(context: &Context, cluster: &ClusterName) -> ObjectBucket {
+    ObjectBucket::new(context.clone(), cluster.job_objects(), MAX_AGE)
+}
+
 /// Streams of a cluster.
 pub(crate) struct JobStreams {
     pub(crate) jobs: Stream,
     pub(crate) results: Stream,
 }
 
-async fn upsert(context: &Context, config: Config) -> Result<Stream, NatsError> {
+/// Creates a stream, or updates its settings. Returns it with its current state.
+pub(crate) async fn upsert(context: &Context, config: Config) -> Result<Stream, NatsError> {
     let name = config.name.clone();
     let step = || format!("the stream {name} cannot be created (NATS needs JetStream: `nats-server -js`)");
     let updated = context.create_or_update_stream(config).await;

@@ -2,11 +2,13 @@
 
 use sqlx::SqliteConnection;
 use store::history::HistoryBucket;
+use store::{StoreError, runs};
 
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
 use crate::engine::outbox::Outbox;
 use crate::engine::run_cache::CachedRun;
+use crate::engine::signals::Signal;
 use clock::Millis;
 
 /// One run inside a write transaction: its state, the connection and the outbox, borrowed at the same time.
@@ -35,6 +37,19 @@ impl RunTx<'_> {
     /// Returns [`ServiceError::Store`] if the event cannot be written as JSON.
     pub fn emit(&mut self, event: &RunEvent<'_>) -> Result<(), ServiceError> {
         self.outbox.emit(&self.state.run, event, self.now)
+    }
+
+    /// Sets the newest policy version of the run.
+    ///
+    /// # Errors
+    /// Returns [`StoreError::Database`] if the statement fails.
+    pub async fn set_policy_version(&mut self, version: i64) -> Result<(), StoreError> {
+        if self.state.policy_version != version {
+            self.state.policy_version = version;
+            runs::set_policy_version(self.conn, &self.state.run, version).await?;
+            self.outbox.signal(Signal::RunStates);
+        }
+        Ok(())
     }
 
     /// Returns what the current change adds to the history of a task.

@@ -21,6 +21,8 @@ pub enum Signal {
     Events,
     /// Groups were pushed to a trajectory feed.
     Feed,
+    /// A run was created or deleted, or its status, policy or policy version changed.
+    RunStates,
 }
 
 /// Channels of the signals; each worker and listener holds a clone of its own.
@@ -38,8 +40,10 @@ pub struct WorkerSignals {
     pub delete: Arc<Notify>,
     /// Counts the commits that emitted run events or deleted a run, for event streams.
     pub events: Arc<watch::Sender<u64>>,
-    /// Counts the commits that pushed groups to a feed, for trainers that long-poll.
+    /// Counts the commits that pushed groups to a feed, for trainers that long-poll and for streams on NATS.
     pub feed: watch::Sender<u64>,
+    /// Counts the commits that changed the states of runs, which are published on NATS.
+    pub run_states: watch::Sender<u64>,
 }
 
 impl WorkerSignals {
@@ -53,6 +57,7 @@ impl WorkerSignals {
             Signal::Delete => self.delete.notify_one(),
             Signal::Events => self.events.send_modify(|commits| *commits += 1),
             Signal::Feed => self.feed.send_modify(|commits| *commits += 1),
+            Signal::RunStates => self.run_states.send_modify(|commits| *commits += 1),
         }
     }
 }

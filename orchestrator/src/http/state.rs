@@ -66,6 +66,8 @@ pub struct AppState {
     pub endpoint: Option<Endpoint>,
     /// Folder of policy files, if one is configured.
     pub policy_folder: PolicyFolder,
+    /// True if the server publishes feeds on NATS.
+    pub has_nats: bool,
     /// Limit on requests that wait for finished groups.
     pub long_polls: LongPollLimit,
     /// Rules by which alerts begin.

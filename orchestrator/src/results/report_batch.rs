@@ -12,11 +12,10 @@ use store::keys::{EpisodeKey, GroupKey};
 use store::leases::{self, LeaseRow, Purpose};
 use store::policy_versions::{self, VersionCounters, VersionKey};
 use store::task_counters::{self, TaskCounters};
-use store::{compacted_leases, runs, to_u32};
+use store::{compacted_leases, to_u32};
 
 use crate::critiques::criticise::MAX_JOB_EPISODES;
 use crate::engine::error::ServiceError;
-use crate::engine::run_tx::RunTx;
 use crate::engine::signals::Signal;
 use crate::engine::write_tx::WriteTx;
 use crate::evaluations::store_results;
@@ -353,10 +352,9 @@ impl ReportBatch {
             critiques::enqueue(&mut tx.conn, run, &jobs).await?;
             tx.outbox.signal(Signal::Critique);
         }
-        let RunTx { mut state, conn, .. } = tx.run(run).await?;
-        if self.newest_policy > state.policy_version {
-            state.policy_version = self.newest_policy;
-            runs::set_policy_version(conn, run, self.newest_policy).await?;
+        let mut run = tx.run(run).await?;
+        if self.newest_policy > run.state.policy_version {
+            run.set_policy_version(self.newest_policy).await?;
         }
         Ok(())
     }

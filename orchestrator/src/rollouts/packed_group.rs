@@ -1,6 +1,7 @@
 //! The stored form of a trajectory group: JSON, compressed once and unpacked as it is delivered.
 
 use api_types::{MessageContent, ObservationContent};
+use store::trajectories::FeedGroup;
 
 use crate::rollouts::group_record::{GroupRecord, MAX_GROUP_BYTES};
 
@@ -60,6 +61,17 @@ impl GroupRecord {
 /// Returns [`PackError::Zstd`] if the body is damaged or unpacks to more bytes.
 pub fn unpack(body: &[u8], bytes: usize) -> Result<Vec<u8>, PackError> {
     Ok(zstd::bulk::decompress(body, bytes.min(MAX_BARE_GROUP_BYTES))?)
+}
+
+/// Unpacks a group of a feed to JSON with its id and its number of deliveries, as trainers receive it.
+///
+/// # Errors
+/// Returns [`PackError::Zstd`] if the body is damaged.
+pub fn feed_group_json(head: FeedGroup, body: &[u8]) -> Result<Vec<u8>, PackError> {
+    let json = unpack(body, usize::try_from(head.bytes).unwrap_or(0))?;
+    let mut out = format!(r#"{{"id":{},"deliveries":{},"#, head.id, head.deliveries).into_bytes();
+    out.extend_from_slice(json.strip_prefix(b"{").unwrap_or(&json));
+    Ok(out)
 }
 
 #[cfg(test)]

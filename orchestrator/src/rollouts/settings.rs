@@ -1,6 +1,6 @@
 //! The policy of a run: its request, its stored settings, and the changes that set it.
 
-use api_types::{PolicyRequest, PolicySettings};
+use api_types::{FeedDelivery, PolicyRequest, PolicySettings};
 use env_core::policy::PLANNER_POLICY;
 use env_core::text::{MAX_QUOTED_CHARS, shorten};
 use env_core::{TaskSpec, format_shortest};
@@ -26,6 +26,17 @@ pub struct Endpoint {
     pub temperature: Option<f64>,
 }
 
+/// Parts of a server that a run's policy can use.
+#[derive(Debug, Clone, Copy)]
+pub struct PolicyServer<'a> {
+    /// The language model of the policy `chat`, if one is configured.
+    pub endpoint: Option<&'a Endpoint>,
+    /// Folder of policy files, if one is configured.
+    pub folder: &'a PolicyFolder,
+    /// True if the server publishes feeds on NATS.
+    pub has_nats: bool,
+}
+
 /// Sets the policy of a run, after checking that its tasks have it.
 #[derive(Debug)]
 pub struct SetPolicy {
@@ -43,10 +54,10 @@ impl SetPolicy {
     pub fn from_request(
         run: RunId,
         request: &PolicyRequest,
-        endpoint: Option<&Endpoint>,
-        folder: &PolicyFolder,
+        server: PolicyServer<'_>,
         tasks: &[&'static dyn TaskSpec],
     ) -> Result<Self, ServiceError> {
+        let PolicyServer { endpoint, folder, has_nats } = server;
         let policy = RunPolicy::from(request.policy.clone());
         let reference = PolicyReference::parse(policy.as_str());
         if reference.is_file() {
@@ -57,6 +68,10 @@ impl SetPolicy {
             return Err(ServiceError::invalid("policy", reason));
         }
         let settings = settings_from_request(request, endpoint)?;
+        if settings.delivery == FeedDelivery::Nats && !has_nats {
+            let reason = "nats needs a server that publishes feeds; start it with --nats";
+            return Err(ServiceError::invalid("delivery", reason));
+        }
         Ok(Self { run, policy, version: request.version, settings })
     }
 }
@@ -85,6 +100,7 @@ impl Change for SetPolicy {
         let settings = to_json(&self.settings)?;
         run_policies::put(run.conn, self.run.as_str(), &self.policy, version, &settings, run.now).await?;
         run.outbox.signal(Signal::Rollout);
+        run.outbox.signal(Signal::RunStates);
         Ok(())
     }
 }
@@ -94,7 +110,15 @@ impl Change for SetPolicy {
 /// # Errors
 /// Returns [`ServiceError::Store`] if the stored JSON cannot be read.
 pub fn settings_from_row(row: &RunPolicyRow) -> Result<PolicySettings, ServiceError> {
-    Ok(from_json("a run's policy", &row.settings)?)
+    settings_from_json(&row.settings)
+}
+
+/// Reads the stored settings of a policy.
+///
+/// # Errors
+/// Returns [`ServiceError::Store`] if the stored JSON cannot be read.
+pub fn settings_from_json(json: &str) -> Result<PolicySettings, ServiceError> {
+    Ok(from_json("a run's policy", json)?)
 }
 
 /// Checks a request and returns complete settings.
@@ -119,6 +143,7 @@ fn settings_from_request(
             .max_unacknowledged_groups
             .unwrap_or(defaults.max_unacknowledged_groups),
         refill: request.refill.unwrap_or(defaults.refill),
+        delivery: request.delivery.unwrap_or_default(),
     };
     check_range("history", settings.history, 0, 64)?;
     check_range("max_unacknowledged_groups", settings.max_unacknowledged_groups, 1, 4096)?;

@@ -14,6 +14,7 @@ use store::{to_i64, to_json};
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
+use crate::engine::signals::Signal;
 use crate::engine::write_tx::WriteTx;
 use crate::leases::create::OwnerQuota;
 use crate::leases::proposal_queue;
@@ -130,6 +131,7 @@ impl Change for CreateRun {
         run_tags::replace(&mut tx.conn, &row.id, &self.tags).await?;
         let mut run = tx.run(&row.id).await?;
         proposal_queue::fill(&mut run).await?;
+        run.outbox.signal(Signal::RunStates);
         run.emit(&RunEvent::Run { state: "created" })?;
         runs::get(run.conn, &row.id).await?.ok_or(ServiceError::UnknownRun(row.id))
     }

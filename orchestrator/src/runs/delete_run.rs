@@ -85,5 +85,6 @@ async fn mark_deleted(tx: &mut WriteTx, id: &str) -> Result<(), ServiceError> {
     tx.outbox.signal(Signal::Events);
     tx.outbox.signal(Signal::Feed);
     tx.outbox.signal(Signal::Delete);
+    tx.outbox.signal(Signal::RunStates);
     Ok(())
 }

@@ -3,7 +3,6 @@
 use api_types::PolicyVersionDescription;
 use store::ids::RunId;
 use store::policy_versions::{self, PolicyVersionRow};
-use store::runs;
 
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
@@ -58,8 +57,7 @@ impl Change for DescribePolicyVersion {
         policy_versions::put(run.conn, id, &PolicyVersionRow { version, checkpoint, notes, at: run.now })
             .await?;
         if version > run.state.policy_version {
-            run.state.policy_version = version;
-            runs::set_policy_version(run.conn, id, version).await?;
+            run.set_policy_version(version).await?;
         }
         Ok(())
     }

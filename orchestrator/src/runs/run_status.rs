@@ -88,6 +88,7 @@ async fn set_status(tx: &mut WriteTx, id: &str, action: RunAction) -> Result<Run
     let row = runs::get(run.conn, id).await?.ok_or_else(|| ServiceError::UnknownRun(id.to_owned()))?;
     run.outbox.signal(Signal::Prepare);
     run.outbox.signal(Signal::Rollout);
+    run.outbox.signal(Signal::RunStates);
     run.emit(&RunEvent::Run { state: event })?;
     Ok(row)
 }

@@ -29,8 +29,7 @@ impl Change for SetPolicyVersion {
         if !self.actor.is_admin() {
             check_version_step("policy_version", self.policy_version, run.state.policy_version)?;
         }
-        run.state.policy_version = i64::from(self.policy_version);
-        runs::set_policy_version(run.conn, id, run.state.policy_version).await?;
+        run.set_policy_version(i64::from(self.policy_version)).await?;
         runs::get(run.conn, id).await?.ok_or_else(|| ServiceError::UnknownRun(id.to_owned()))
     }
 }

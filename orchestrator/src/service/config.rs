@@ -51,7 +51,7 @@ pub struct Config {
     pub archived_retention: Option<ArchivedRetention>,
     /// Rules of alerts, and their webhook.
     pub alerts: AlertSettings,
-    /// Workers on other machines; `None` if the server does all jobs itself.
+    /// Workers on other machines, and NATS, which carries their jobs and trajectory feeds; `None` if the server does all jobs itself.
     pub remote_workers: Option<RemoteWorkersConfig>,
     /// Shard of the server; `None` for the one that the database remembers, if it has one.
     pub shard: Option<Shard>,

@@ -242,6 +242,7 @@ fn create_state(
         judges: config.judges,
         endpoint: config.endpoint,
         policy_folder: config.policy_folder,
+        has_nats: config.remote_workers.is_some(),
         long_polls: LongPollLimit::new(signals.feed.subscribe(), stopped),
         alert_rules: config.alerts.rules,
         has_alert_webhook: config.alerts.webhook.is_some(),
@@ -289,6 +290,7 @@ fn spawn_workers(
         alerts: config.alerts.clone(),
         folder: folder_of(&config.db),
         notices,
+        feeds: service_queue::feed_server(config),
     };
     workers.spawn().map_err(StartError::Threads)
 }

@@ -14,7 +14,7 @@ use super::config::{Config, RemoteWorkersConfig};
 use crate::results::audit::AuditEngine;
 use crate::results::report_order::ReportOrder;
 use crate::threads::{self, ThreadPriority};
-use crate::workers::MAX_PREPARE_JOBS;
+use crate::workers::{FeedServer, MAX_PREPARE_JOBS};
 
 /// Queue of a service, with everything that depends on where its jobs are done.
 pub(super) struct ServiceQueue {
@@ -49,6 +49,12 @@ pub(super) fn start(config: &Config) -> Result<ServiceQueue, ThreadPoolBuildErro
     let queue: Arc<dyn JobQueue> = Arc::new(queue);
     let audits = AuditEngine { threads: audit, queue };
     Ok(ServiceQueue { audits, report_order: ReportOrder::of_arrival(), notices: Some(notices) })
+}
+
+/// Returns where trajectory feeds are published; `None` without NATS.
+pub(super) fn feed_server(config: &Config) -> Option<FeedServer> {
+    let RemoteWorkersConfig { nats, .. } = config.remote_workers.clone()?;
+    Some(FeedServer { nats, name: server_name(&config.db) })
 }
 
 /// Name of the server of a database: the same after a restart, and different for each database of each host.

@@ -12,6 +12,7 @@ pub mod delete_runs;
 mod design;
 mod evaluate;
 mod expire;
+mod feed_stream;
 mod prepare;
 mod remote_workers;
 mod retention;
@@ -20,5 +21,6 @@ mod rollout;
 mod round_error;
 mod spawn;
 
+pub use self::feed_stream::FeedServer;
 pub use self::prepare::MAX_JOBS as MAX_PREPARE_JOBS;
 pub use self::spawn::WorkerConfig;

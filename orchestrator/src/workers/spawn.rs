@@ -18,6 +18,7 @@ use super::critique::CritiqueWorker;
 use super::delete_archived::ArchivedRunWorker;
 use super::design::DesignWorker;
 use super::evaluate::EvaluationWorker;
+use super::feed_stream::{FeedServer, FeedStreamWorker};
 use super::prepare::PrepareWorker;
 use super::rollout::RolloutWorker;
 use super::{clock as clock_worker, delete_runs, expire, remote_workers, retention, revoke_connections};
@@ -57,6 +58,8 @@ pub struct WorkerConfig {
     pub folder: PathBuf,
     /// Notices of workers on other machines, if they are configured.
     pub notices: Option<UnboundedReceiver<QueueNotice>>,
+    /// Where trajectory feeds are published, if NATS is configured.
+    pub feeds: Option<FeedServer>,
 }
 
 impl WorkerConfig {
@@ -76,6 +79,7 @@ impl WorkerConfig {
     fn jobs(self) -> Result<Vec<BoxFuture<'static, ()>>, ThreadPoolBuildError> {
         let (rollouts, evaluator) = self.policy_workers()?;
         let alerts = self.alert_worker();
+        let feeds = self.feed_worker();
         let Self {
             clock,
             lease_service,
@@ -131,7 +135,19 @@ impl WorkerConfig {
         jobs.extend(
             notices.map(|notices| remote_workers::run(readers.clone(), writer.clone(), notices).boxed()),
         );
+        jobs.extend(feeds.map(|worker| worker.run().boxed()));
         Ok(jobs)
+    }
+
+    /// Creates the worker that publishes trajectory feeds, if NATS is configured.
+    fn feed_worker(&self) -> Option<FeedStreamWorker> {
+        Some(FeedStreamWorker {
+            readers: self.lease_service.readers.clone(),
+            writer: self.lease_service.writer.clone(),
+            server: self.feeds.clone()?,
+            groups: self.signals.feed.subscribe(),
+            runs: self.signals.run_states.subscribe(),
+        })
     }
 
     /// Creates the worker that checks the rules of alerts.

@@ -679,6 +679,10 @@ class FailurePage(TypedDict):
     """Cursor of the next page; null on the last page."""
 
 
+FeedDelivery: TypeAlias = Literal["http", "nats"]
+"""Delivery of the groups of a feed to trainers."""
+
+
 class FeedStatus(TypedDict):
     """Fill level of a trajectory feed."""
 
@@ -996,6 +1000,7 @@ class PolicyComparison(TypedDict):
 class PolicyRequest(TypedDict):
     """Request to set the policy of a run. A field that is left out gets its default, except that `version` keeps its value."""
 
+    delivery: NotRequired[FeedDelivery | None]
     history: NotRequired[int | None]
     """Number of earlier exchanges in the prompt of `chat`, from 0 to 64 (default 2)."""
     max_tokens: NotRequired[int | None]
@@ -1019,6 +1024,8 @@ class PolicyRequest(TypedDict):
 class PolicySettings(TypedDict):
     """Settings of a run's policy, complete, as stored."""
 
+    delivery: NotRequired[FeedDelivery]
+    """How trainers receive groups."""
     history: int
     """Number of earlier exchanges in the prompt of `chat`."""
     max_tokens: NotRequired[int | None]

@@ -21,6 +21,7 @@ mod evidence;
 mod failures;
 mod faults;
 mod feed;
+mod feed_stream;
 mod fuzz;
 mod integer_bounds;
 mod kills;

@@ -31,6 +31,7 @@ use self::registry::{UnverifiedJob, WorkerRegistry};
 use self::verify::ItemsToVerify;
 use super::connection::NatsConfig;
 use super::names::subject_word;
+use super::objects::{OBJECT_HEADER, ObjectBucket};
 use crate::local::{LocalQueue, TimedOutput};
 use crate::queue::{CompletedJob, JobError, JobQueue, Receipt};
 use crate::status::{QueueCounters, QueueNotice, QueueStatus, WrongResult};
@@ -93,6 +94,8 @@ enum Link {
 struct Publisher {
     context: Context,
     jobs: Stream,
+    /// Jobs and results that are too large for a message.
+    objects: ObjectBucket,
 }
 
 /// Wrong results that a recomputation finds.
@@ -251,8 +254,13 @@ impl Shared {
         let mut headers = HeaderMap::new();
         headers.insert(async_nats::header::NATS_MESSAGE_ID, id.to_string());
         let subject = self.config.nats.cluster.jobs(job.kind(), server);
+        let object = format!("job-{id}");
+        let payload = publisher.objects.wrap(&object, message, &mut headers).await.ok()?;
+        // It is deleted with the job, also if nothing waits for the job any more.
+        let _object =
+            headers.get(OBJECT_HEADER).is_some().then(|| ObjectGuard::new(&publisher.objects, object));
         let published =
-            publisher.context.publish_with_headers(subject, headers, message.into()).await.ok()?;
+            publisher.context.publish_with_headers(subject, headers, payload.into()).await.ok()?;
         let confirmed = tokio::time::timeout(PUBLISH_TIMEOUT, published.into_future()).await;
         self.pending.set_sequence(id, confirmed.ok()?.ok()?.sequence);
         self.count(|counters| {
@@ -355,6 +363,28 @@ struct PendingGuard<'a> {
 impl Drop for PendingGuard<'_> {
     fn drop(&mut self) {
         self.shared.pending.remove(self.id);
+    }
+}
+
+/// Deletes an object of a job when it is dropped.
+struct ObjectGuard {
+    objects: ObjectBucket,
+    name: String,
+}
+
+impl ObjectGuard {
+    fn new(objects: &ObjectBucket, name: String) -> Self {
+        Self { objects: objects.clone(), name }
+    }
+}
+
+impl Drop for ObjectGuard {
+    fn drop(&mut self) {
+        let (objects, name) = (self.objects.clone(), std::mem::take(&mut self.name));
+        // A bucket deletes old objects itself, if NATS is away now.
+        if let Ok(runtime) = tokio::runtime::Handle::try_current() {
+            drop(runtime.spawn(async move { objects.delete(&name).await }));
+        }
     }
 }
 

@@ -8,7 +8,7 @@ use async_nats::jetstream::message::Acker;
 use async_nats::jetstream::{self, Message};
 use async_nats::{Client, Message as CoreMessage};
 use futures_util::StreamExt;
-use jobs::envelope::ResultEnvelope;
+use jobs::envelope::{MAX_ENVELOPE_BYTES, ResultEnvelope};
 use tokio::sync::mpsc::UnboundedReceiver;
 
 use super::pending::RemoteReply;
@@ -17,6 +17,7 @@ use super::{Link, Publisher, Shared, redacted};
 use crate::nats::connection::{Connection, NatsError};
 use crate::nats::membership::{self, Heartbeat};
 use crate::nats::names::last_word;
+use crate::nats::objects::{ObjectBucket, object_of};
 use crate::nats::streams::{self, JobStreams};
 use crate::status::QueueNotice;
 
@@ -69,14 +70,15 @@ async fn serve(
     let mut results = results.map_err(|error| NatsError::new("results cannot be read", error))?;
     let heartbeats = client.subscribe(cluster.all_heartbeats()).await;
     let mut heartbeats = heartbeats.map_err(|error| NatsError::new("heartbeats cannot be read", error))?;
-    *shared.link.lock() = Link::Up(Arc::new(Publisher { context, jobs }));
+    let objects = streams::job_objects(&context, cluster);
+    *shared.link.lock() = Link::Up(Arc::new(Publisher { context, jobs, objects: objects.clone() }));
     tracing::info!(url = redacted(&shared.config.nats.url), cluster = %cluster, "Connected to NATS.");
     let mut ticks = tokio::time::interval(TICK);
     loop {
         tokio::select! {
             () = connection.interrupted() => return Err(NatsError("the connection was interrupted".to_owned())),
             message = results.next() => match message {
-                Some(Ok(message)) => shared.take_message(message),
+                Some(Ok(message)) => shared.take_message(message, &objects),
                 Some(Err(error)) => return Err(NatsError::new("results cannot be read", error)),
                 None => return Err(NatsError("the stream of results ended".to_owned())),
             },
@@ -97,11 +99,29 @@ async fn serve(
 }
 
 impl Shared {
-    /// Passes a result to its job, or ignores it.
-    fn take_message(&self, message: Message) {
+    /// Passes a result to its job, or ignores it. A large one is read beside the others.
+    fn take_message(self: &Arc<Self>, message: Message, objects: &ObjectBucket) {
         let (message, acker) = message.split();
         let worker = last_word(&message.subject).to_owned();
-        match ResultEnvelope::read(&message.payload) {
+        let Some(object) = object_of(&message).map(str::to_owned) else {
+            return self.take_result(worker, &message.payload, acker);
+        };
+        let (shared, objects) = (Arc::clone(self), objects.clone());
+        tokio::spawn(async move {
+            match objects.payload(&message, MAX_ENVELOPE_BYTES).await {
+                // Nothing reads it again: a result that is delivered again is ignored.
+                Ok(payload) => {
+                    shared.take_result(worker, &payload.unwrap_or_default(), acker);
+                    let _ = objects.delete(&object).await;
+                }
+                Err(error) => tracing::warn!(worker, %error, "A result cannot be read."),
+            }
+        });
+    }
+
+    /// Passes a result to its job, or ignores it.
+    fn take_result(&self, worker: String, payload: &[u8], acker: Acker) {
+        match ResultEnvelope::read(payload) {
             Ok(envelope) => {
                 if let Some(late) = self.pending.complete(RemoteReply { worker, envelope, acker }) {
                     self.count(|counters| counters.ignored_results += 1);

@@ -2,6 +2,7 @@
 
 mod fake_worker;
 mod faults;
+mod large;
 mod trust;
 
 use std::collections::BTreeSet;

@@ -12,7 +12,7 @@ use jobs::{JobContext, JobPayload};
 use tokio::sync::oneshot;
 
 use super::WorkerProcess;
-use crate::nats::streams::JOB_ACK_WAIT;
+use crate::nats::streams::{self, JOB_ACK_WAIT};
 
 /// Attempts to send a result. After them the job is delivered to another worker.
 const SEND_ATTEMPTS: u32 = 3;
@@ -85,14 +85,15 @@ impl HeldJob {
         let mut headers = HeaderMap::new();
         let id = format!("{}.{:x}", envelope.id, envelope.token.0);
         headers.insert(async_nats::header::NATS_MESSAGE_ID, id);
+        let objects = streams::job_objects(context, &self.state.config.nats.cluster);
+        // A second attempt has another object, since a worker may not delete objects.
+        let object = format!("result-{}-{:x}", envelope.id, rand::random::<u64>());
         let sent = async {
-            let published = context.publish_with_headers(subject, headers, message.into()).await;
-            match published {
-                Ok(published) => published.await.is_ok(),
-                Err(_) => false,
-            }
+            let payload = objects.wrap(&object, message, &mut headers).await.ok()?;
+            let published = context.publish_with_headers(subject, headers, payload.into()).await.ok()?;
+            published.await.ok()
         };
-        tokio::time::timeout(SEND_TIMEOUT, sent).await.unwrap_or(false)
+        tokio::time::timeout(SEND_TIMEOUT, sent).await.is_ok_and(|sent| sent.is_some())
     }
 
     /// Computes the reply on the worker's threads; `None` if they have ended.

@@ -8,13 +8,14 @@ use async_nats::jetstream::consumer::{Consumer, pull};
 use async_nats::jetstream::message::Acker;
 use futures_util::StreamExt;
 use jobs::JobKind;
-use jobs::envelope::JobEnvelope;
+use jobs::envelope::{JobEnvelope, MAX_ENVELOPE_BYTES};
 use tokio::sync::OwnedSemaphorePermit;
 use tokio::task::JoinSet;
 
 use super::WorkerProcess;
 use super::job_run::{HeldJob, ReceivedJob};
 use crate::nats::connection::NatsError;
+use crate::nats::objects::ObjectBucket;
 use crate::nats::streams;
 
 /// How long a request for a job waits at the NATS server.
@@ -35,9 +36,11 @@ pub(super) fn spawn(state: &Arc<WorkerProcess>, context: &Context, takers: &mut 
 
 /// Takes jobs of a kind. One job waits for a free thread while the others run.
 async fn take_jobs(state: &Arc<WorkerProcess>, context: &Context, kind: JobKind) -> Result<(), NatsError> {
-    let consumer = streams::jobs_consumer(context, &state.config.nats.cluster, kind).await?;
+    let cluster = &state.config.nats.cluster;
+    let consumer = streams::jobs_consumer(context, cluster, kind).await?;
+    let objects = streams::job_objects(context, cluster);
     loop {
-        let Some(received) = next_job(&consumer).await? else { continue };
+        let Some(received) = next_job(&consumer, &objects).await? else { continue };
         let held = HeldJob::new(Arc::clone(state), received);
         let permit = held.wait_for(Arc::clone(&state.permits).acquire_owned()).await;
         let Ok(permit) = permit else { return Ok(()) };
@@ -50,13 +53,21 @@ async fn take_jobs(state: &Arc<WorkerProcess>, context: &Context, kind: JobKind)
 }
 
 /// Waits for a job; `None` if there is none for some seconds.
-async fn next_job(consumer: &Consumer<pull::Config>) -> Result<Option<ReceivedJob>, NatsError> {
+async fn next_job(
+    consumer: &Consumer<pull::Config>,
+    objects: &ObjectBucket,
+) -> Result<Option<ReceivedJob>, NatsError> {
     let unreadable = |error: &dyn std::fmt::Display| NatsError::new("jobs cannot be taken", error);
     let batch = consumer.batch().max_messages(1).expires(REQUEST_EXPIRY).messages().await;
     let mut batch = batch.map_err(|error| unreadable(&error))?;
     let Some(message) = batch.next().await else { return Ok(None) };
     let (message, acker) = message.map_err(|error| unreadable(&error))?.split();
-    match JobEnvelope::read(&message.payload) {
+    let Some(payload) = objects.payload(&message, MAX_ENVELOPE_BYTES).await? else {
+        // The server has taken the job back.
+        leave(&acker).await;
+        return Ok(None);
+    };
+    match JobEnvelope::read(&payload) {
         Ok(envelope) => Ok(Some(ReceivedJob { envelope, acker })),
         Err(error) => {
             tracing::warn!(error = %error, "A job cannot be read; it is left to others.");

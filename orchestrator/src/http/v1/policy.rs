@@ -12,7 +12,7 @@ use crate::http::problem::Problem;
 use crate::http::run_reader::{acquire_run_reader, find_run_tasks};
 use crate::http::state::AppState;
 use crate::rollouts::feed::MAX_UNACKED_BYTES;
-use crate::rollouts::settings::{SetPolicy, settings_from_row};
+use crate::rollouts::settings::{PolicyServer, SetPolicy, settings_from_row};
 use clock::rfc3339;
 
 /// Get the policy of a run with its settings and progress.
@@ -54,7 +54,12 @@ pub(super) async fn set_policy(
     let (id, state) = (run.clone(), app.clone());
     // A policy file is read and prepared, which takes too long for a thread of the runtime.
     let parsed = tokio::task::spawn_blocking(move || {
-        SetPolicy::from_request(id, &request, state.endpoint.as_ref(), &state.policy_folder, &tasks)
+        let server = PolicyServer {
+            endpoint: state.endpoint.as_ref(),
+            folder: &state.policy_folder,
+            has_nats: state.has_nats,
+        };
+        SetPolicy::from_request(id, &request, server, &tasks)
     });
     let change = parsed.await.map_err(|error| Problem::invalid("policy", error.to_string()))??;
     app.writer.change(change).await?;

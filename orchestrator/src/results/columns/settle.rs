@@ -13,7 +13,7 @@ use store::leases::{self, LeaseRow, LeaseStatus};
 use store::proposals::{self, LeasedProposal};
 use store::run_warnings::{self, NewWarning, WarningKind};
 use store::task_counters::{self, TaskCounters, TaskCountersKey};
-use store::{from_json, runs, to_u32, to_u64};
+use store::{from_json, to_u32, to_u64};
 
 use crate::critiques::criticise::MAX_JOB_EPISODES;
 use crate::engine::error::ServiceError;
@@ -50,8 +50,7 @@ pub(crate) async fn settle(tx: &mut WriteTx, lease: &LeaseRow) -> Result<ReportS
     }
     let mut run = tx.run(&lease.run).await?;
     let newest = run.state.policy_version.max(claim.policy_version);
-    run.state.policy_version = newest;
-    runs::set_policy_version(run.conn, &lease.run, newest).await?;
+    run.set_policy_version(newest).await?;
     let max_staleness = run.state.settings.max_staleness;
     let is_stale = max_staleness.is_some_and(|max| newest - claim.policy_version > i64::from(max));
     let mut claimed: BTreeMap<String, i64> = BTreeMap::new();

@@ -12,7 +12,7 @@ use crate::http::content_negotiation::{LINES, MESSAGE_PACK, ResponseFormat, json
 use crate::http::problem::Problem;
 use crate::http::state::AppState;
 use crate::limits::QuotaPermit;
-use crate::rollouts::packed_group::unpack;
+use crate::rollouts::packed_group::feed_group_json;
 use crate::sessions::ClientIdentity;
 
 /// Group of a feed, compressed as it is stored.
@@ -24,17 +24,8 @@ pub(super) struct PackedFeedGroup {
 }
 
 impl PackedFeedGroup {
-    /// JSON of the group with its id and its number of deliveries.
-    fn json(&self) -> anyhow::Result<Vec<u8>> {
-        let json = unpack(&self.body, usize::try_from(self.head.bytes).unwrap_or(0))?;
-        let mut out =
-            format!(r#"{{"id":{},"deliveries":{},"#, self.head.id, self.head.deliveries).into_bytes();
-        out.extend_from_slice(json.strip_prefix(b"{").unwrap_or(&json));
-        Ok(out)
-    }
-
     fn encode(&self, format: ResponseFormat, first: bool) -> anyhow::Result<Bytes> {
-        let mut json = self.json()?;
+        let mut json = feed_group_json(self.head, &self.body)?;
         Ok(match format {
             ResponseFormat::MessagePack => json_to_messagepack(&json)?.into(),
             ResponseFormat::Lines => {

@@ -1,0 +1,132 @@
+//! Publishes trajectory feeds and the states of runs on NATS.
+//!
+//! The database is the authority: the stream of a run has the groups that are not acknowledged, in order of their ids. After each
+//! commit the worker publishes what the stream lacks. It acknowledges in the database what all consumers have acknowledged, and then
+//! removes it from the stream. `session` has the steps for one connection. After an interruption, or a crash of the server or of NATS,
+//! the worker reads again what each stream has, and goes on: nothing is lost, and no group is published twice.
+
+mod feed_round;
+mod session;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::convert::Infallible;
+use std::time::Duration;
+
+use job_queue::nats::feed::FeedConnection;
+use job_queue::nats::{NatsConfig, NatsError};
+use sqlx::SqlitePool;
+use store::{StoreError, feeds, trajectories};
+use tokio::sync::watch;
+
+use self::session::FeedSession;
+use crate::engine::writer::Writer;
+use crate::metrics;
+use crate::workers::round_error::ends_worker;
+
+/// Pause before the next attempt to connect.
+const RETRY_PAUSE: Duration = Duration::from_secs(1);
+
+/// Where the server publishes feeds.
+#[derive(Debug, Clone)]
+pub struct FeedServer {
+    /// How to reach NATS.
+    pub nats: NatsConfig,
+    /// Name of the server: the same after a restart, and different for each database.
+    pub name: String,
+}
+
+/// Worker that publishes feeds.
+#[derive(Debug)]
+pub(super) struct FeedStreamWorker {
+    /// Pool of connections that read.
+    pub readers: SqlitePool,
+    /// Writer that acknowledges groups.
+    pub writer: Writer,
+    /// Where feeds are published.
+    pub server: FeedServer,
+    /// Changes after commits that pushed groups.
+    pub groups: watch::Receiver<u64>,
+    /// Changes after commits that changed the states of runs.
+    pub runs: watch::Receiver<u64>,
+}
+
+/// Reason why a connection is not used any more.
+#[derive(Debug)]
+enum FeedSessionEnd {
+    /// The writer of the service stops.
+    Stopping,
+    /// NATS is away, for this reason.
+    Away(String),
+}
+
+impl From<NatsError> for FeedSessionEnd {
+    fn from(error: NatsError) -> Self {
+        Self::Away(error.to_string())
+    }
+}
+
+/// Ids of the groups that each stream had when it was last read.
+type PublishedGroups = BTreeMap<String, BTreeSet<i64>>;
+
+impl FeedStreamWorker {
+    /// Runs until the writer stops.
+    pub(super) async fn run(mut self) {
+        let mut published = PublishedGroups::new();
+        let mut is_away = false;
+        loop {
+            let Err(end) = self.serve(&mut published, &mut is_away).await;
+            match end {
+                FeedSessionEnd::Stopping => return,
+                // The queue of jobs has the reason of each interruption in its status.
+                FeedSessionEnd::Away(error) if !std::mem::replace(&mut is_away, true) => {
+                    tracing::warn!(
+                        error,
+                        "Feeds are not published while NATS is away; trainers can use HTTP."
+                    );
+                }
+                FeedSessionEnd::Away(_) => {}
+            }
+            if let Err(error) = self.count_unpublished(&published).await
+                && ends_worker(&error.into(), "groups of feeds could not be counted")
+            {
+                return;
+            }
+            tokio::time::sleep(RETRY_PAUSE).await;
+        }
+    }
+
+    /// Serves one connection until it is interrupted.
+    async fn serve(
+        &mut self,
+        published: &mut PublishedGroups,
+        is_away: &mut bool,
+    ) -> Result<Infallible, FeedSessionEnd> {
+        let connection = FeedConnection::open(&self.server.nats, &self.server.name).await?;
+        let interruption = connection.interruption();
+        let session = async {
+            let mut session = FeedSession::start(self, &connection, published).await?;
+            if std::mem::replace(is_away, false) {
+                tracing::info!("Feeds are published again.");
+            }
+            session.run().await
+        };
+        tokio::select! {
+            () = interruption => Err(FeedSessionEnd::Away("the connection was interrupted".to_owned())),
+            ended = session => ended,
+        }
+    }
+
+    /// Counts the groups that wait while NATS is away.
+    async fn count_unpublished(&self, published: &PublishedGroups) -> Result<(), StoreError> {
+        let mut conn = self.readers.acquire().await.map_err(StoreError::from)?;
+        let mut unpublished = 0;
+        for row in feeds::delivered_by_nats(&mut conn).await? {
+            let ids = published.get(&row.run);
+            let groups = trajectories::unacknowledged(&mut conn, &row.run).await?;
+            unpublished +=
+                groups.iter().filter(|group| !ids.is_some_and(|ids| ids.contains(&group.id))).count();
+        }
+        metrics::set_unpublished_groups(unpublished);
+        Ok(())
+    }
+}
