@@ -76,6 +76,7 @@ test-prerequisites: check-python dashboard
 
 test-python: check-cargo check-clippy check-python ## Test the Python package, with the checkers of Gymnasium and PettingZoo, ruff and mypy
 	scripts/python-venv
+	scripts/nats
 	scripts/python-client --check
 	$(BUILD_TESTS)
 	cd python && ../target/python-venv/bin/ruff check . && ../target/python-venv/bin/ruff format --check . \

@@ -13,7 +13,7 @@ The worlds are compiled. This package gives them the interfaces of Gymnasium and
 
 from typing import TYPE_CHECKING
 
-from . import discounting
+from . import discounting, feed
 from ._native import __version__
 from .curriculum import Curriculum, CurriculumError
 from .evaluation import EvaluationResult, evaluate
@@ -52,6 +52,7 @@ __all__ = [
     "critique",
     "discounting",
     "evaluate",
+    "feed",
     "levels",
     "make_vec",
     "parallel_env",

@@ -31,6 +31,7 @@ CODE_TESTS = {
     "docs/guides/train-verifiers.md": "python/tests/heavy/test_verifiers.py::test_printed_evaluation_runs",
     "docs/reference/data.md": "python/tests/heavy/test_data_export.py::test_printed_code_reads_the_tables",
     "docs/reference/openenv.md": "tests/clients/openenv_clients.py::run_documented_examples",
+    "docs/reference/trajectories.md": "python/tests/test_feed.py::test_printed_code_reads_a_feed",
     "docs/reference/python.md": "python/tests/test_docs.py::test_python_page_runs_from_top_to_bottom",
     "python/README.md": "python/tests/test_docs.py::test_package_readme_code_runs",
 }
@@ -82,11 +83,15 @@ COMMAND_TESTS = {
         "python/tests/trainers/test_curricula_compared.py::test_printed_commands_define_experiments"
     ),
     ("docs/reference/trajectories.md", "python examples/trajectories.py"): PRINTED_EXAMPLE,
+    ("docs/reference/trajectories.md", "python examples/feed_nats.py"): (
+        "tests/tests/system/feed_stream/example.rs::example_trains_alone_and_beside_another"
+    ),
 }
 #: Extra that a snippet needs, by a part of its text.
 EXTRAS_OF_FEATURES = {
     "parallel_env(": "pettingzoo",
     "sparring.Client(": "client",
+    "sparring.feed.nats(": "nats",
     "sparring.sb3": "sb3",
     "sparring.rllib": "rllib",
     "sparring.tune": "rllib",
@@ -235,6 +240,8 @@ def test_printed_examples_run(tmp_path):
         for page in ("docs/reference/feed.md", "docs/reference/trajectories.md"):
             for command in commands(page):
                 script = shlex.split(command)[1].removeprefix("examples/")
+                if script == "feed_nats.py":  # it needs a NATS server, and has a test of its own
+                    continue
                 needs_packages = script in ("step.py", "vector.py") or "msgpack" in command
                 if needs_packages and not OPENENV_PYTHON.exists():
                     continue

@@ -18,13 +18,14 @@ use wiremock::{Mock, MockServer};
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
 /// Beginnings of lines that this test does not run, each with the reason.
-const NOT_RUN: [(&str, &str); 33] = [
+const NOT_RUN: [(&str, &str); 34] = [
     ("make ", "builds; `make test` is the command that runs this test"),
     (". .venv/bin/activate", "python/tests/test_docs.py makes and uses the environment"),
     ("python examples/first_trainer.py", "python/tests/test_docs.py runs the trainer of the README"),
     ("python examples/sb3_ppo.py", "python/tests/trainers runs the example"),
     ("python examples/scanning_", "python/tests/trainers and python/tests/heavy run the examples"),
     ("python examples/grpo_in_process.py", "python/tests/heavy runs the example with a small model"),
+    ("python examples/feed_nats.py", "tests/tests/system/feed_stream runs the example beside a NATS server"),
     ("torchrun ", "needs two GPUs"),
     ("python -m sparring.experiments", "python/tests/trainers runs the commands with small budgets"),
     ("pip install", "the wheels are on no package index; python/tests/test_docs.py compares the extras"),

@@ -2,6 +2,7 @@
 
 mod content;
 mod crashes;
+mod example;
 mod objects;
 mod permissions;
 mod run_states;

@@ -1,0 +1,191 @@
+"""Trajectory feeds on NATS: a real server, a real NATS server, and trainers that read the feed."""
+
+import asyncio
+import contextlib
+import os
+import pathlib
+import re
+import socket
+import subprocess
+import threading
+import time
+
+import pytest
+from conftest import BINARY, needs_server
+from curriculum_servers import SETTINGS, wait_until
+from documents import ROOT, code_blocks
+
+import sparring
+from sparring.feed import AsyncNatsFeed, FeedError
+
+NATS = pathlib.Path(os.environ.get("NATS_SERVER") or ROOT / "target/nats/nats-server")
+
+pytestmark = [needs_server, pytest.mark.skipif(not NATS.exists(), reason="scripts/nats has not been run")]
+
+
+class NatsServer:
+    """NATS server with JetStream that a test can kill and start again."""
+
+    def __init__(self, folder):
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.port = free.getsockname()[1]
+        self.url, self._folder = f"nats://127.0.0.1:{self.port}", folder
+        self.start()
+
+    def start(self):
+        command = [NATS, "-js", "-a", "127.0.0.1", "-p", str(self.port), "-sd", self._folder]
+        self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        wait_until(self._listens, 30)
+
+    def kill(self):
+        self._process.kill()
+        self._process.wait()
+
+    def _listens(self):
+        with socket.socket() as probe:
+            return probe.connect_ex(("127.0.0.1", self.port)) == 0
+
+
+@pytest.fixture(scope="module")
+def nats(tmp_path_factory):
+    server = NatsServer(tmp_path_factory.mktemp("nats"))
+    yield server
+    server.kill()
+
+
+@pytest.fixture(scope="module")
+def client(nats):
+    command = [BINARY, "serve", "--bind", "127.0.0.1:0", "--temporary", "--while-stdin", "--nats", nats.url]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as server:
+        assert server.stdin is not None and server.stdout is not None
+        match = re.search(r"http://\S+", server.stdout.readline())
+        assert match is not None
+        with sparring.Client(match[0]) as client:
+            yield client
+        server.stdin.close()
+
+
+def create_run(client, name, groups=8, group_size=2):
+    """Creates a run whose feed is delivered by NATS."""
+    client.runs.create(**SETTINGS, id=name, group_size=group_size)
+    set_policy(client, name, "random", groups)
+
+
+def set_policy(client, name, policy, groups=8):
+    client.trajectories.set_policy(name, policy=policy, max_unacknowledged_groups=groups, delivery="nats")
+
+
+def open_feed(nats, run, **options):
+    """Opens a feed, once the server has created its stream."""
+    for _ in range(100):
+        with contextlib.suppress(FeedError):
+            return sparring.feed.nats(nats.url, run, **options)
+        time.sleep(0.2)
+    raise AssertionError(f"the run {run} has no stream")
+
+
+def test_groups_are_those_of_the_http_feed(client, nats):
+    create_run(client, "same")
+    with open_feed(nats, "same") as feed:
+        wait_until(lambda: client.trajectories.get_policy("same")["feed"]["full"])
+        expected = client.trajectories.read("same", limit=8)["groups"]
+        received = [feed.receive(30) for _ in range(8)]
+        assert [group["deliveries"] for group in received] == [1] * 8
+        assert [{**group, "deliveries": 0} for group in received] == expected
+        assert feed.acknowledge()
+        wait_until(lambda: client.trajectories.get_policy("same")["feed"]["acknowledged"] >= 8)
+        assert feed.state()["policy"] == "random"
+        # A group that is returned comes again at once.
+        released = feed.receive(30)
+        feed.release()
+        again = feed.receive(30)
+        assert (again["id"], again["deliveries"]) == (released["id"], 2)
+    set_policy(client, "same", "off")
+
+
+def test_trainers_share_or_receive_all(client, nats):
+    create_run(client, "shared")
+    feeds = [open_feed(nats, "shared", consumer=name) for name in ("pair", "pair", "alone")]
+    taken = [[], [], []]
+    threads = [
+        threading.Thread(target=lambda feed=feed, ids=ids, count=count: ids.extend(group["id"] for group in limited(feed, count)))
+        for feed, ids, count in zip(feeds, taken, (10, 10, 20), strict=True)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for feed in feeds:
+        feed.close()
+    assert sorted(taken[0] + taken[1]) == sorted(taken[2]) == sorted(set(taken[2]))
+    assert taken[2] == sorted(taken[2])
+    set_policy(client, "shared", "off")
+
+
+def limited(feed, count):
+    """Yields groups, and acknowledges the last one, too."""
+    for _ in range(count):
+        yield feed.receive(60)
+        feed.acknowledge()
+
+
+def test_large_groups_and_kills_of_nats(client, nats):
+    create_run(client, "large", group_size=16)
+    ids = []
+    with open_feed(nats, "large", idle_s=20) as feed:
+        for group in feed:
+            ids.append(group["id"])
+            assert len(group["episodes"]) == 16
+            if len(ids) in (4, 9):
+                nats.kill()
+                nats.start()
+            if len(ids) == 14:
+                set_policy(client, "large", "off")
+                feed.acknowledge()
+                break
+    assert ids == sorted(set(ids)), "no group is repeated"
+    wait_until(lambda: client.trajectories.get_policy("large")["feed"]["acknowledged"] >= 14)
+
+
+def test_asynchronous_trainer_and_idle_end(client, nats):
+    create_run(client, "async", groups=3)
+    open_feed(nats, "async").close()
+
+    async def train():
+        ids = []
+        async with AsyncNatsFeed(nats.url, "async", idle_s=3) as feed:
+            async for group in feed:
+                ids.append(group["id"])
+                if len(ids) == 3:
+                    set_policy(client, "async", "off")
+        return ids
+
+    ids = asyncio.run(train())
+    assert len(ids) >= 3 and ids == sorted(set(ids))
+
+
+def test_errors_name_their_cause(client, nats):
+    with pytest.raises(FeedError, match=r"the run nowhere has no feed on NATS: set its policy"):
+        sparring.feed.nats(nats.url, "nowhere")
+    with pytest.raises(ValueError, match="`server` must be an address such as nats://"):
+        sparring.feed.nats("http://127.0.0.1:8700", "run")
+    with pytest.raises(ValueError, match=r"`consumer` must be 1 to 64 letters, digits, `-` or `_`, got 'a\.b'"):
+        sparring.feed.nats(nats.url, "run", consumer="a.b")
+    with pytest.raises(ValueError, match="`ack_wait_s` must be a number of seconds > 0, got 0"):
+        sparring.feed.nats(nats.url, "run", ack_wait_s=0)
+    client.runs.create(**SETTINGS, id="by-http")
+    with pytest.raises(FeedError, match="the run by-http has no feed"):
+        sparring.feed.nats(nats.url, "by-http")
+
+
+def test_printed_code_reads_a_feed(client, nats, capsys):
+    create_run(client, "my-run", groups=3)
+    open_feed(nats, "my-run").close()
+    [code] = code_blocks("docs/reference/trajectories.md")
+    stop = threading.Timer(3, lambda: set_policy(client, "my-run", "off"))
+    stop.start()
+    exec(code.replace("nats://127.0.0.1:4222", nats.url).replace("idle_s=60", "idle_s=6"), {})
+    stop.join()
+    ids = [int(line.split()[0]) for line in capsys.readouterr().out.splitlines()]
+    assert len(ids) >= 3 and ids == sorted(set(ids))
