@@ -101,6 +101,7 @@ impl<'a> FeedSession<'a> {
             self.publish_feeds().await?;
             tokio::time::sleep(MIN_PAUSE).await;
             if self.has_more {
+                self.is_dirty |= self.worker.runs.has_changed().unwrap_or(true);
                 continue;
             }
             let has_waiting = self.feeds.values().any(|feed| !feed.is_empty()) || !self.failed.is_empty();
