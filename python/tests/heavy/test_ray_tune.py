@@ -89,7 +89,7 @@ def test_each_trial_has_its_run(server, tmp_path):
 @needs_server
 def test_interrupted_experiment_continues_its_runs(server, tmp_path):
     compared = ["--strategies", "ladder", "--lrs", "5e-4", "1e-3"]
-    command = example_command(server, tmp_path, 4, "--experiment", "interrupted", *compared)
+    command = example_command(server, tmp_path, 3, "--experiment", "interrupted", *compared)
     first = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
     try:
         deadline = time.monotonic() + 120
@@ -103,14 +103,9 @@ def test_interrupted_experiment_continues_its_runs(server, tmp_path):
     rows = run_example(command)
     after = runs_of(server, "interrupted")
     assert rows.keys() == before.keys() == after.keys() and len(rows) == 2
-    assert {row["iterations"] for row in rows.values()} == {"4"}
+    assert {row["iterations"] for row in rows.values()} == {"3"}
     assert {row["lr"] for row in rows.values()} == {"0.0005", "0.001"}
     assert all(after[run]["episodes"] > before[run]["episodes"] for run in rows)
-    # A third call finds the experiment complete.
-    assert run_example(command).keys() == rows.keys()
-    assert {run: row["episodes"] for run, row in runs_of(server, "interrupted").items()} == {
-        run: row["episodes"] for run, row in after.items()
-    }
 
 
 class KillOnce(tune.Callback):
