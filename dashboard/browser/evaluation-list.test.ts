@@ -30,7 +30,11 @@ async function multiplyEvaluations(page: Page): Promise<{ requested: string[]; m
   let [underWay, most] = [0, 0];
   await page.route("**/v1/evaluations?*", (route: Route) =>
     route.fulfill({
-      json: { evaluations: Array.from({ length: MANY }, (_, i) => copy(1000 + MANY - i)), next: null },
+      json: {
+        evaluations: Array.from({ length: MANY }, (_, i) => copy(1000 + MANY - i)),
+        next: null,
+        missing_shards: [],
+      },
     }),
   );
   await page.route(/\/v1\/evaluations\/eval-\d+$/, async (route: Route) => {

@@ -38,6 +38,7 @@ function bodyOf(path: string, query: URLSearchParams): unknown {
               { value: "ladder", runs: 600, episodes: 120_000, last_results_at: ago(2) },
               { value: "uniform", runs: 400, episodes: 80_000, last_results_at: ago(600) },
             ],
+        missing_shards: [],
       };
     case "evaluations":
       return evaluationPart(id, query);
@@ -52,7 +53,8 @@ function runPage(query: URLSearchParams, isEmpty: boolean) {
   const [first, limit] = [Number(query.get("cursor") ?? 0), Number(query.get("limit") ?? 100)];
   const total = isEmpty ? 0 : query.get("search") === "few" ? FEW_RUNS : MANY_RUNS;
   const runs = list(Math.max(0, Math.min(limit, total - first)), (i) => runSummary(first + i));
-  return { runs, total, next: first + limit < total ? String(first + limit) : null };
+  const next = first + limit < total ? String(first + limit) : null;
+  return { runs, total, next, missing_shards: [] };
 }
 
 function runPart(id: string, [part, ...rest]: string[], isEmpty: boolean): unknown {
@@ -91,7 +93,7 @@ function evaluationPart(id: string | undefined, query: URLSearchParams): unknown
     const evaluations = ["run-0000", "run-0001"].flatMap((run, at) =>
       EVALUATED.map((version) => evaluationSummary(10 * at + version, { run, policy_version: version })),
     );
-    return { evaluations, next: null };
+    return { evaluations, next: null, missing_shards: [] };
   }
   if (id === "compare") {
     const across = { trainings: 1 };
