@@ -50,7 +50,7 @@ async fn open_consumer(context: &Context, name: &str) -> Consumer<pull::Config> 
     let config = pull::Config {
         durable_name: Some(name.to_owned()),
         ack_policy: AckPolicy::Explicit,
-        ack_wait: Duration::from_secs(3),
+        ack_wait: Duration::from_secs(15),
         ..pull::Config::default()
     };
     wait_for("the consumer is created", async || {
