@@ -61,7 +61,7 @@ async fn run(db: &Path, plan: CrashPlan) -> CrashReport {
 async fn kills_during_compaction_lose_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let db = folder.path().join("survivor.sqlite3");
-    let report = crash(&db, 8, true, false).await;
+    let report = crash(&db, 12, true, false).await;
     let mut conn = SqliteConnectOptions::new().filename(&db).read_only(true).connect().await.unwrap();
     // A further server compacts what the killed ones had no time for.
     let _server = ServerProcess::start(&db);
@@ -128,19 +128,19 @@ async fn kills_of_servers_workers_and_nats_lose_nothing() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let until = StopCondition::Kills { kills: 9, episodes: 20 };
+    let until = StopCondition::Kills { kills: 12, episodes: 20 };
     // Workers need a second or two to join again.
     let plan = CrashPlan { workers: 2, max_lifetime_ms: 4000, ..plan(CrashWorld::Kessler, until) };
     let report = run(&folder.path().join("survivor.sqlite3"), plan).await;
-    assert!(report.worker_kills >= 9 && report.nats_kills >= 3 && report.remote_jobs > 20, "{report}");
+    assert!(report.worker_kills >= 12 && report.nats_kills >= 4 && report.remote_jobs > 20, "{report}");
     assert_eq!(report.by_interface.len(), 4, "{report}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn kills_under_tasking_lose_nothing() {
     let folder = tempfile::tempdir().unwrap();
-    let until = StopCondition::Kills { kills: 12, episodes: 8 };
+    let until = StopCondition::Kills { kills: 20, episodes: 8 };
     let report = run(&folder.path().join("survivor.sqlite3"), plan(CrashWorld::ShortTasking, until)).await;
-    assert!(report.kills >= 12 && report.vectors > 1 && report.acknowledged > 1, "{report}");
+    assert!(report.kills >= 20 && report.vectors > 1 && report.acknowledged > 1, "{report}");
     assert_eq!(report.by_interface.len(), 4, "{report}");
 }
