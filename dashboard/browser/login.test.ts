@@ -42,6 +42,45 @@ test("without a token the dashboard shows only the login form", async () => {
   await page.context().close();
 });
 
+test("a late response without a token does not log the user out", async () => {
+  const { page } = await fixture.openPage();
+  let release = () => {};
+  const hasLoggedIn = new Promise<void>((resolve) => (release = resolve));
+  await page.route("**/v1/alerts*", async (route, request) => {
+    if (!(await request.allHeaders())["authorization"]) await hasLoggedIn;
+    await route.continue();
+  });
+  const lateResponse = page.waitForResponse(
+    (response) => response.url().includes("/v1/alerts") && response.status() === 401,
+  );
+  await page.goto(`${fixture.server.url}/dashboard/#/`);
+  await page.getByLabel("Token").fill(tokens["viewer"] ?? "");
+  await page.getByRole("button", { name: "Log in" }).click();
+  await page.getByText("Role: viewer").waitFor();
+  release();
+  await (await lateResponse).finished();
+  await page.getByRole("link", { name: "Server" }).click();
+  await page.getByText("Role: viewer").waitFor();
+  expect(await page.getByLabel("Token").count()).toBe(0);
+  await page.context().close();
+});
+
+test("the role is read again after an error of the server", async () => {
+  const { page } = await fixture.openPage();
+  let errors = 0;
+  await page.route("**/v1/audit*", async (route) => {
+    errors += 1;
+    if (errors === 1) await route.fulfill({ status: 503, json: { detail: "overloaded" } });
+    else await route.continue();
+  });
+  await page.goto(`${fixture.server.url}/dashboard/#/`);
+  await page.getByLabel("Token").fill(tokens["viewer"] ?? "");
+  await page.getByRole("button", { name: "Log in" }).click();
+  await page.getByText("Role: viewer").waitFor();
+  expect(errors).toBe(2);
+  await page.context().close();
+});
+
 test("a viewer sees live data and cannot change anything", async () => {
   const { page } = await logIn("viewer");
   await page.getByRole("rowheader", { name: "run" }).waitFor();

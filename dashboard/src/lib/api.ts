@@ -16,13 +16,21 @@ export class ApiError extends Error {
   }
 }
 
+/** Time after which the role of the token is read again, if the service was overloaded or unreachable. */
+const ROLE_RETRY_MS = 2_000;
+
+/** Returns the token that a request carries. */
+function tokenOf(request: Request): string | null {
+  return request.headers.get("Authorization")?.replace("Bearer ", "") ?? null;
+}
+
 const authorizeRequests: Middleware = {
   onRequest({ request }) {
     if (session.token) request.headers.set("Authorization", `Bearer ${session.token}`);
     return request;
   },
-  onResponse({ response }) {
-    if (response.status === 401) session.loginRequired = true;
+  onResponse({ request, response }) {
+    if (response.status === 401) session.reject(tokenOf(request));
   },
 };
 
@@ -53,14 +61,23 @@ export async function unwrap<T>(request: Promise<ApiResult<T>>): Promise<T> {
   );
 }
 
-/** Detects the role of the token: only admins may read the audit log, and a 403 response names the actual role. */
+/**
+ * Detects the role of the token: only admins may read the audit log, and a 403 response names the actual role. Requests that an overloaded
+ * or unreachable service does not answer are repeated.
+ */
 export async function detectRole() {
   const token = session.token;
-  try {
-    await unwrap(client.GET("/v1/audit", { params: { query: { limit: 1 } } }));
-    if (session.token === token) session.role = "admin";
-  } catch {
-    // A 403 response has set the role. The current page reports any other error.
+  while (session.token === token && session.role === null && !session.loginRequired) {
+    try {
+      await unwrap(client.GET("/v1/audit", { params: { query: { limit: 1 } } }));
+      if (session.token === token) session.role = "admin";
+      return;
+    } catch (error) {
+      // A 403 response has set the role. The current page reports any other error.
+      const status = error instanceof ApiError ? error.status : 0;
+      if (status >= 400 && status < 500 && status !== 429) return;
+    }
+    await new Promise((resolve) => setTimeout(resolve, ROLE_RETRY_MS));
   }
 }
 

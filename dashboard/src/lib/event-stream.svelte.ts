@@ -93,7 +93,8 @@ export class EventStream {
     document.addEventListener("visibilitychange", onVisibilityChange);
     onVisibilityChange();
     const headers: Record<string, string> = { Accept: "text/event-stream" };
-    if (session.token) headers["Authorization"] = `Bearer ${session.token}`;
+    const token = session.token;
+    if (token) headers["Authorization"] = `Bearer ${token}`;
     if (this.#lastId !== undefined) headers["Last-Event-ID"] = this.#lastId;
     const kinds = this.kinds ? `&kind=${encodeURIComponent(this.kinds)}` : "";
     try {
@@ -104,7 +105,7 @@ export class EventStream {
           signal: AbortSignal.any([this.#closed.signal, timeout.signal]),
         },
       );
-      if (response.status === 401) session.loginRequired = true;
+      if (response.status === 401) session.reject(token);
       if (response.status >= 400 && response.status < 500 && response.status !== 429) {
         this.state = "refused"; // the other requests of the page report the reason
         this.close();

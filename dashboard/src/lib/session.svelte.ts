@@ -30,6 +30,14 @@ class Session {
     this.loginRequired = true;
   }
 
+  /**
+   * Asks for a token after the service has rejected a request with `token` (status 401). Nothing happens if the user has logged in with
+   * another token since the request was sent.
+   */
+  reject(token: string | null) {
+    if (token === this.token) this.loginRequired = true;
+  }
+
   /** Reads the role from the detail of a 403 response, which ends with it. */
   readRole(detail: string) {
     this.role = ROLES.find((role) => detail.endsWith(` ${role}`)) ?? this.role;
