@@ -37,7 +37,7 @@ impl Trainer {
     /// Steps episodes of the run on the server, one at a time.
     pub(super) async fn step_sessions(self) -> anyhow::Result<()> {
         let mut id = self.seed << 32;
-        while self.is_running() {
+        while self.continues().await? {
             let mut session = SessionClient::default();
             let mut message = json!({"type": "open", "version": 2, "run": RUN});
             while self.is_running() {
@@ -61,7 +61,7 @@ impl Trainer {
 
     /// Leases groups and steps their episodes in vector sessions, by binary frames.
     pub(super) async fn step_vectors(self) -> anyhow::Result<()> {
-        while self.is_running() {
+        while self.continues().await? {
             let response = self.request("POST", "/leases", &json!({"groups": 4, "ttl_s": 60})).await?;
             anyhow::ensure!(response.status == 201, "no lease: {}", response.body);
             let lease = Lease(response.body);

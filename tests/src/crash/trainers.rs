@@ -16,6 +16,8 @@ pub(super) const RETRY_INTERVAL: Duration = Duration::from_millis(30);
 const MAX_ATTEMPTS: u32 = 1000;
 /// Time after which the feed delivers an unacknowledged group again, in seconds.
 const DELIVERY_TTL_S: u64 = 2;
+/// Number of episodes without a critique at which trainers of tasking wait, so that designs come while they train.
+const MAX_WAITING_CRITIQUES: i64 = 100;
 
 pub(super) struct Trainer {
     pub(super) api: ApiClient,
@@ -38,6 +40,20 @@ impl Trainer {
 
     pub(super) fn is_running(&self) -> bool {
         !self.stop.load(Ordering::SeqCst)
+    }
+
+    /// Returns whether the trainer goes on. Trainers of tasking first wait until few episodes lack their critique.
+    pub(super) async fn continues(&self) -> anyhow::Result<bool> {
+        while self.world == CrashWorld::Tasking && self.is_running() {
+            let run = self.request("GET", "", &Value::Null).await?;
+            ensure!(run.status == 200, "no run: {}", run.body);
+            let waiting = run.body["critique_backlog"]["waiting"].as_i64().context("no critique backlog")?;
+            if waiting <= MAX_WAITING_CRITIQUES {
+                break;
+            }
+            tokio::time::sleep(Duration::from_secs(1)).await;
+        }
+        Ok(self.is_running())
     }
 
     /// Sends a request until the server responds with anything but 429 or 503.
@@ -69,7 +85,7 @@ impl Trainer {
     /// middle one, then those of the reference planner, which masters levels.
     pub(super) async fn report_probes(self, tasks: usize) -> anyhow::Result<()> {
         let request = json!({"groups": 3, "ttl_s": 600, "purpose": "probe"});
-        while self.is_running() {
+        while self.continues().await? {
             let moves = self.request("GET", "/level_moves?limit=500", &Value::Null).await?;
             ensure!(moves.status == 200, "no level moves: {}", moves.body);
             let moves = moves.body["moves"].as_array().context("no level moves")?;
@@ -81,7 +97,7 @@ impl Trainer {
 
     /// Runs the episodes of one lease after the other with a built-in policy.
     async fn report_leases(self, request: Value, policy: &str) -> anyhow::Result<()> {
-        while self.is_running() {
+        while self.continues().await? {
             self.report_lease(&request, policy).await?;
         }
         Ok(())
@@ -116,7 +132,7 @@ impl Trainer {
 
     /// Leases ranges of seeds, claims scores as columns and sends the logs of the audited episodes.
     pub(super) async fn claim_columns(self) -> anyhow::Result<()> {
-        while self.is_running() {
+        while self.continues().await? {
             let request = json!({"groups": 24, "group_size": 1, "ttl_s": 60, "form": "columns"});
             let response = self.request("POST", "/leases", &request).await?;
             ensure!(response.status == 201, "no lease: {}", response.body);
@@ -155,7 +171,7 @@ impl Trainer {
     /// Claims groups of server rollouts from the feed and acknowledges half of them.
     pub(super) async fn consume_trajectories(self) -> anyhow::Result<()> {
         let claim = json!({"limit": 4, "wait_s": 1, "ttl_s": DELIVERY_TTL_S});
-        while self.is_running() {
+        while self.continues().await? {
             let claimed = self.request("POST", "/trajectories/claim", &claim).await?;
             ensure!(claimed.status == 200, "no trajectories: {}", claimed.body);
             let groups = claimed.body["groups"].as_array().context("no groups")?;
