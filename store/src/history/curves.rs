@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use sqlx::{QueryBuilder, SqliteConnection, query};
+use sqlx::{QueryBuilder, SqliteConnection, query, query_as};
 
 use super::super::{MAX_ROWS, StoreError, from_json, to_json};
 use super::HistoryBucket;
@@ -121,7 +121,7 @@ async fn join_pairs(
     run: &str,
     task: &str,
 ) -> Result<Option<CurveRow>, StoreError> {
-    let rows = read_rows(&mut *conn, run, task, MAX_BUCKETS).await?;
+    let rows = read_rows(&mut *conn, run, task).await?;
     let mut joined: Vec<CurveRow> = Vec::with_capacity(rows.len().div_ceil(2));
     for row in rows {
         let ordinal = row.ordinal / 2;
@@ -148,7 +148,7 @@ pub async fn learning_curves(
     let tasks: Vec<String> = from_json("the tasks of a run", &tasks(&mut *conn, run).await?)?;
     let mut curves = BTreeMap::new();
     for task in tasks {
-        let rows = read_rows(&mut *conn, run, &task, MAX_BUCKETS).await?;
+        let rows = read_rows(&mut *conn, run, &task).await?;
         if !rows.is_empty() {
             curves.insert(task, rows.into_iter().map(|row| row.point).collect());
         }
@@ -209,37 +209,52 @@ async fn last_row(
     run: &str,
     task: &str,
 ) -> Result<Option<CurveRow>, StoreError> {
-    Ok(read_rows(conn, run, task, 1).await?.pop())
+    let row = query_as!(
+        StoredRow,
+        "SELECT ordinal, width, first_episode, episodes, first_step, first_at, last_at, results FROM task_curves
+         WHERE run = ?1 AND task = ?2 ORDER BY ordinal DESC LIMIT 1",
+        run,
+        task
+    )
+    .fetch_optional(conn)
+    .await?;
+    row.map(StoredRow::read).transpose()
 }
 
-/// Reads the last `limit` rows of a task, in order of time.
-async fn read_rows(
-    conn: &mut SqliteConnection,
-    run: &str,
-    task: &str,
-    limit: i64,
-) -> Result<Vec<CurveRow>, StoreError> {
-    let rows = query!(
+/// Reads all rows of a task, in order of time. In this order the disk reads ahead, so that a database that is not in memory yet
+/// answers sooner.
+async fn read_rows(conn: &mut SqliteConnection, run: &str, task: &str) -> Result<Vec<CurveRow>, StoreError> {
+    let rows = query_as!(
+        StoredRow,
         "SELECT ordinal, width, first_episode, episodes, first_step, first_at, last_at, results FROM task_curves
-         WHERE run = ?1 AND task = ?2 ORDER BY ordinal DESC LIMIT ?3",
+         WHERE run = ?1 AND task = ?2 ORDER BY ordinal",
         run,
-        task,
-        limit
+        task
     )
     .fetch_all(conn)
     .await?;
-    let rows = rows.into_iter().rev().map(|r| {
-        let point = CurvePoint {
-            first_episode: r.first_episode,
-            episodes: r.episodes,
-            first_step: r.first_step,
-            first_at: r.first_at,
-            last_at: r.last_at,
-            bucket: from_json("a point of a learning curve", &r.results)?,
-        };
-        Ok(CurveRow { ordinal: r.ordinal, width: r.width, point })
-    });
-    rows.collect()
+    rows.into_iter().map(StoredRow::read).collect()
+}
+
+/// A row as it is stored.
+struct StoredRow {
+    ordinal: i64,
+    width: i64,
+    first_episode: i64,
+    episodes: i64,
+    first_step: i64,
+    first_at: Millis,
+    last_at: Millis,
+    results: String,
+}
+
+impl StoredRow {
+    fn read(self) -> Result<CurveRow, StoreError> {
+        let Self { ordinal, width, first_episode, episodes, first_step, first_at, last_at, results } = self;
+        let bucket = from_json("a point of a learning curve", &results)?;
+        let point = CurvePoint { first_episode, episodes, first_step, first_at, last_at, bucket };
+        Ok(CurveRow { ordinal, width, point })
+    }
 }
 
 /// Writes rows of a task, in place of those with the same ordinals.
@@ -321,6 +336,19 @@ mod tests {
         let thinned = thin_curve(curve.clone(), 100);
         assert!((90..=101).contains(&thinned.len()), "{}", thinned.len());
         assert_eq!(thinned.iter().map(|point| point.episodes).sum::<i64>(), episodes);
+    }
+
+    #[test]
+    fn stored_buckets_have_no_zeros_and_keep_lowest_levels() {
+        assert_eq!(to_json(&HistoryBucket::default()).unwrap(), "{}");
+        let bucket = HistoryBucket {
+            lowest_level: Some(0),
+            versions: Some(VersionRange::of(0)),
+            ..HistoryBucket::default()
+        };
+        let stored = to_json(&bucket).unwrap();
+        assert_eq!(stored, r#"{"versions":{"low":0,"high":0},"lowest_level":0}"#);
+        assert_eq!(from_json::<HistoryBucket>("a bucket", &stored).unwrap(), bucket);
     }
 
     #[tokio::test]

@@ -29,55 +29,81 @@ pub const HOUR: Millis = 60 * MINUTE;
 /// Time for which buckets of a minute are kept, milliseconds.
 pub const MINUTES_KEPT: Millis = 7 * 24 * HOUR;
 
-/// Results of a task in a bucket, or a part of them.
+/// Results of a task in a bucket, or a part of them. Its JSON has no zeros and no empty fields.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct HistoryBucket {
     /// Number of finished episodes.
+    #[serde(skip_serializing_if = "is_default")]
     pub episodes: i64,
     /// Finished episodes that succeeded.
+    #[serde(skip_serializing_if = "is_default")]
     pub successes: i64,
     /// Sum of the scores of finished episodes.
+    #[serde(skip_serializing_if = "is_default")]
     pub score_sum: f64,
     /// Finished episodes that have a skill.
+    #[serde(skip_serializing_if = "is_default")]
     pub episodes_with_skill: i64,
     /// Sum of their skills.
+    #[serde(skip_serializing_if = "is_default")]
     pub skill_sum: f64,
     /// Number of failed episodes.
+    #[serde(skip_serializing_if = "is_default")]
     pub failed: i64,
     /// Episodes whose lease ended before they were reported.
+    #[serde(skip_serializing_if = "is_default")]
     pub expired: i64,
     /// Contested groups that are evidence.
+    #[serde(skip_serializing_if = "is_default")]
     pub contested_groups: i64,
     /// Sum of their success rates.
+    #[serde(skip_serializing_if = "is_default")]
     pub success_rate_sum: f64,
     /// Contested groups whose blind panel was replayed: a sample.
+    #[serde(skip_serializing_if = "is_default")]
     pub panel_groups: i64,
     /// Sum of the success rates of the blind plans on these.
+    #[serde(skip_serializing_if = "is_default")]
     pub panel_success_rate_sum: f64,
     /// Groups of several episodes that counted.
+    #[serde(skip_serializing_if = "is_default")]
     pub groups: i64,
     /// Groups among these whose episodes all have the same score.
+    #[serde(skip_serializing_if = "is_default")]
     pub zero_variance_groups: i64,
     /// Episodes of accepted claims.
+    #[serde(skip_serializing_if = "is_default")]
     pub claimed_episodes: i64,
     /// Durations of finished episodes whose steps differ in duration.
+    #[serde(skip_serializing_if = "is_default")]
     pub durations: DurationSum,
     /// Environment steps of finished episodes. [`curve`] leaves them out.
+    #[serde(skip_serializing_if = "is_default")]
     pub steps: i64,
     /// Policy versions of finished episodes. [`curve`] leaves them out.
+    #[serde(skip_serializing_if = "is_default")]
     pub versions: Option<VersionRange>,
     /// Lowest level that occurred.
+    #[serde(skip_serializing_if = "is_default")]
     pub lowest_level: Option<i64>,
     /// Highest level that occurred.
+    #[serde(skip_serializing_if = "is_default")]
     pub highest_level: Option<i64>,
     /// Latest mastery estimate in the bucket.
+    #[serde(skip_serializing_if = "is_default")]
     pub mastery: Option<MasterySample>,
     /// Parameters of the scenarios, by name.
+    #[serde(skip_serializing_if = "is_default")]
     pub params: BTreeMap<String, ParamRange>,
     /// Results by start rung and level. [`curve`] leaves them out.
-    #[serde(with = "rungs::as_list")]
+    #[serde(with = "rungs::as_list", skip_serializing_if = "is_default")]
     pub rungs: BTreeMap<RungKey, RungResults>,
+}
+
+/// True for a value that a bucket does not store: reading restores it.
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// Policy versions of episodes.

@@ -2,7 +2,7 @@
 
 use std::io::Write;
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use serde_json::json;
@@ -22,6 +22,8 @@ const LARGE_SHARE: u64 = 10;
 const GROUP_SIZE: u32 = 32;
 /// Steps with metrics of each run.
 const METRIC_STEPS: u64 = 500;
+/// Pause after a request that the server refused for its rate.
+const RATE_PAUSE: Duration = Duration::from_secs(1);
 
 /// Size of a filled database.
 pub(super) struct Database {
@@ -73,12 +75,23 @@ async fn train(api: &ApiClient, run: &'static str, episodes: u64) -> anyhow::Res
     anyhow::ensure!(created.status == 201, "no run: {}", created.body);
     let done = report_episodes(api, run, episodes).await?;
     for step in 0..METRIC_STEPS {
-        let metrics = json!({"train/loss": 1.0 / (1 + step) as f64, "train/entropy": 0.5, "time/fps": step});
-        let sent =
-            api.post(&format!("/v1/runs/{run}/metrics"), json!({"step": step, "metrics": metrics})).await;
-        anyhow::ensure!(sent.status == 200, "no metrics: {}", sent.body);
+        send_metrics(api, run, step).await?;
     }
     Ok(done)
+}
+
+/// Sends metrics of a trainer's step, again if the server limits the rate of such requests.
+async fn send_metrics(api: &ApiClient, run: &str, step: u64) -> anyhow::Result<()> {
+    let metrics = json!({"train/loss": 1.0 / (1 + step) as f64, "train/entropy": 0.5, "time/fps": step});
+    loop {
+        let body = json!({"step": step, "metrics": metrics});
+        let sent = api.post(&format!("/v1/runs/{run}/metrics"), body).await;
+        if sent.status != 429 {
+            anyhow::ensure!(sent.status == 200, "no metrics: {}", sent.body);
+            return Ok(());
+        }
+        tokio::time::sleep(RATE_PAUSE).await;
+    }
 }
 
 /// Statements that copy the small run.
