@@ -28,7 +28,7 @@ async function createMany(server: SparringServer, count: number) {
           tasks: [n % 2 === 0 ? "kessler/survival" : "docking/single"],
           strategy: n % 3 === 0 ? "uniform" : "ladder",
           design: { designer: "off" },
-          tags: n % 10 === 0 ? ["tenth"] : [],
+          tags: n % 10 === 0 ? ["even", "tenth"] : [],
         }),
       ),
     );
@@ -114,6 +114,8 @@ test("the address has the whole view, and groups open", async () => {
   await page.getByRole("button", { name: "paper" }).click();
   await expect.poll(() => firstName(page)).toContain("Flown once");
   expect(page.url()).toContain("group=tag");
+  // A run with two tags is in two groups, and counts once.
+  await page.getByText("1,001 runs", { exact: true }).waitFor();
   expect(problems).toEqual([]);
   await page.context().close();
 });
@@ -231,6 +233,10 @@ test("the form of a new run has all settings, the commands, and errors at the fi
   await visit(page, server.url, "/");
   await page.getByRole("button", { name: "New run" }).click();
   const dialog = page.getByRole("dialog");
+  // Enter in the form, before anything is filled in, must not create a run by the focused button.
+  await expect
+    .poll(() => page.evaluate(() => document.activeElement?.getAttribute("id")))
+    .toMatch(/^setting-/);
   await dialog.getByLabel("id", { exact: true }).fill("made");
   await dialog.getByLabel("Strategy", { exact: true }).selectOption("plr");
   await dialog.getByLabel("kessler/survival").check();

@@ -1,9 +1,11 @@
 /** Whether a curve rises: its last quarter against the quarter before. */
 
+import type { TaskSeries } from "./api-types";
+
 /** Least number of known values in each of the two quarters. */
 const MIN_VALUES = 4;
-/** Standard errors of a difference above which it is a trend. */
-const SIGNIFICANT = 2;
+/** Standard errors of a difference above which it is a trend: with two, one task in twenty would have a trend by chance. */
+const SIGNIFICANT = 3;
 
 export interface Trend {
   /** Mean of the last quarter. */
@@ -26,6 +28,15 @@ export function trendOf(values: (number | null)[]): Trend | null {
     difference,
     direction: !isTrend ? "steady" : difference > 0 ? "rising" : "falling",
   };
+}
+
+/**
+ * Returns the trend of a task's skill at its current level; null with too few points at it. A higher level lowers the skill of an agent
+ * that learns, so that the skill at other levels is no part of the trend.
+ */
+export function skillTrend({ skill, level }: Pick<TaskSeries, "skill" | "level">): Trend | null {
+  const current = level.at(-1);
+  return trendOf(skill.map((value, point) => (level[point] === current ? value : null)));
 }
 
 /** Mean of the known values, and the variance of this mean. */

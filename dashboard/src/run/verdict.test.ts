@@ -7,6 +7,8 @@ const curve = (skill: (share: number) => number, level: (share: number) => numbe
   success: Array.from({ length: POINTS }, (_, i) => (i < 30 ? 0.2 : 0.95)),
   skill: Array.from({ length: POINTS }, (_, i) => skill(i / POINTS) + (i % 2 === 0 ? 0.01 : -0.01)),
   level: Array.from({ length: POINTS }, (_, i) => level(i / POINTS)),
+  version_low: Array.from({ length: POINTS }, (_, i) => i),
+  version_high: Array.from({ length: POINTS }, (_, i) => i + 1),
 });
 const task = (over: Partial<TaskMastery> = {}, mean = 0.5, missing = 0): TaskMastery => ({
   task: "kessler/survival",
@@ -68,6 +70,24 @@ test("a falling level or skill is worse, and evaluations find the best version",
   ]);
 });
 
+test("a fixed policy does not learn, whatever its level", () => {
+  const versions = Array.from({ length: POINTS }, () => 0);
+  const climb = curve(
+    (share) => share,
+    (share) => Math.floor(8 * share),
+  );
+  const fixed = { ...climb, version_low: versions, version_high: versions };
+  const verdict = verdictOf(task({ level: 7 }), facts({ curve: fixed }));
+  expect([verdict.answer, verdict.sentence]).toEqual([
+    "fixed",
+    "No: all of its episodes have policy version 0. A fixed policy does not learn.",
+  ]);
+  expect(verdict.advice).toContain("send a new policy version");
+  const unknown = versions.map(() => null);
+  const silent = { ...climb, version_low: unknown, version_high: unknown };
+  expect(verdictOf(task({ level: 7 }), facts({ curve: silent })).answer).toBe("learning");
+});
+
 test("a mastered task needs harder levels, or a strategy that raises its level", () => {
   const top = verdictOf(task({ level: 9 }, 0.97), facts());
   expect([top.answer, top.sentence, top.advice]).toEqual([
@@ -106,7 +126,7 @@ test("few episodes and placement have no verdict", () => {
   expect([probed.answer, probed.sentence]).toEqual(["unknown", "Placement looks for its first level."]);
   expect(verdictOf(task(), facts({ curve: undefined }))).toEqual({
     answer: "unknown",
-    sentence: "Too few episodes to say.",
+    sentence: "Too few episodes at level 3 to say.",
     advice: "",
   });
 });

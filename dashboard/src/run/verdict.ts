@@ -2,10 +2,10 @@
 import type { FailureModeCounts, TaskMastery, TaskSeries } from "../lib/api-types";
 import { avoidableShare } from "../lib/failure-rates";
 import { fixed, percent } from "../lib/format";
-import { trendOf } from "../lib/trend";
+import { skillTrend } from "../lib/trend";
 
-/** Answer to "is it learning": `mastered` if nothing is left to learn at the levels of the run. */
-export type Answer = "learning" | "mastered" | "steady" | "worse" | "unknown";
+/** Answer to "is it learning": `mastered` if nothing is left to learn at the levels of the run, `fixed` if its policy never changed. */
+export type Answer = "learning" | "mastered" | "fixed" | "steady" | "worse" | "unknown";
 
 export interface Verdict {
   answer: Answer;
@@ -18,7 +18,7 @@ export interface Verdict {
 /** What a verdict needs to know beside the state of the task. */
 export interface VerdictFacts {
   /** Curve of the task over its episodes; undefined before there are results. */
-  curve: Pick<TaskSeries, "skill" | "success" | "level"> | undefined;
+  curve: Pick<TaskSeries, "skill" | "success" | "level" | "version_low" | "version_high"> | undefined;
   /** Highest level of the task; undefined for tasks without levels. */
   topLevel: number | undefined;
   /** Most frequent recent failure mode. */
@@ -31,6 +31,8 @@ export interface VerdictFacts {
 const MASTERED = 0.9;
 /** Mastery at or below which most scenarios are out of reach. */
 const OUT_OF_REACH = 0.1;
+/** Least number of points with a policy version that show that the policy is fixed. */
+const MIN_POINTS = 8;
 /** Share of missing outcomes that delays the curriculum. */
 const NOTABLE_MISSING = 0.1;
 /** Share of groups with equal scores above which most groups teach a group learner nothing. */
@@ -47,10 +49,16 @@ export function verdictOf(task: TaskMastery, facts: VerdictFacts): Verdict {
 function answerOf(task: TaskMastery, { curve, topLevel }: VerdictFacts): Omit<Verdict, "advice"> {
   if (typeof task.probe_level === "number")
     return { answer: "unknown", sentence: "Placement looks for its first level." };
-  const trend = trendOf(curve?.skill ?? []);
+  const trend = curve ? skillTrend(curve) : null;
   const [before, now] = levelsOf(curve?.level ?? []);
   const success = task.mastery && task.mastery.n > 0 ? task.mastery.mean : lastQuarter(curve?.success ?? []);
   const isAtTop = topLevel === undefined || typeof task.level !== "number" || task.level >= topLevel;
+  const version = curve ? onlyVersion(curve) : null;
+  if (version !== null)
+    return {
+      answer: "fixed",
+      sentence: `No: all of its episodes have policy version ${String(version)}. A fixed policy does not learn.`,
+    };
   if (before !== null && now !== null && now > before)
     return {
       answer: "learning",
@@ -66,14 +74,25 @@ function answerOf(task: TaskMastery, { curve, topLevel }: VerdictFacts): Omit<Ve
       answer: "worse",
       sentence: `No: its level fell from ${String(before)} to ${String(now)} in the second half of its episodes.`,
     };
-  if (!trend) return { answer: "unknown", sentence: "Too few episodes to say." };
-  const size = fixed(Math.abs(trend.difference));
   const where = typeof task.level === "number" ? ` at level ${String(task.level)}` : "";
+  if (!trend) return { answer: "unknown", sentence: `Too few episodes${where} to say.` };
+  const size = fixed(Math.abs(trend.difference));
   if (trend.direction === "rising")
     return { answer: "learning", sentence: `Yes: its skill rises${where}, by ${size} in the last quarter.` };
   if (trend.direction === "falling")
     return { answer: "worse", sentence: `No: its skill falls${where}, by ${size} in the last quarter.` };
   return { answer: "steady", sentence: `Not now: its skill is steady${where}.` };
+}
+
+/** Returns the policy version of all points if they have the same one; null if versions differ, or are unknown for most points. */
+function onlyVersion({
+  version_low: low,
+  version_high: high,
+}: Pick<TaskSeries, "version_low" | "version_high">): number | null {
+  const versions = [...low, ...high].filter((version) => version !== null);
+  const [first] = versions;
+  if (first === undefined || versions.length < Math.max(low.length, MIN_POINTS)) return null;
+  return versions.every((version) => version === first) ? first : null;
 }
 
 function placeOf({ level }: TaskMastery, topLevel: number | undefined): string {
@@ -107,14 +126,16 @@ function adviceOf(answer: Answer, task: TaskMastery, { topLevel, failure, layout
       : "Raise the level, or use a strategy that does.";
   if (answer === "worse")
     return "Compare the policy versions by evaluations, and continue from the best one.";
+  if (answer === "fixed")
+    return "If the trainer changes its policy, let it send a new policy version with the results.";
   if (answer !== "steady") return "";
   if (mastery && mastery.n > 0 && mastery.mean <= OUT_OF_REACH)
     return task.level === 0
-      ? "Its easiest level is out of reach: add an easier one, or use start rungs."
+      ? "Its easiest level is out of reach: add an easier one, or create a run with a strategy that has start rungs."
       : "Most scenarios at this level are out of reach: lower the level, or use a strategy that does.";
   const equal = group_counts.zero_variance_share ?? 0;
   if (equal > NOTABLE_ZERO_VARIANCE)
-    return `${percent(equal)} of its groups have equal scores and teach a group learner nothing: set the target to half.`;
+    return `${percent(equal)} of its groups have equal scores and teach a group learner nothing: create a run with the target half.`;
   if (failure && (avoidableShare(failure) ?? 0) >= MOSTLY_AVOIDABLE && layouts === 0)
     return `${percent(avoidableShare(failure))} of the failures “${failure.mode.replaceAll("_", " ")}” are avoidable: let a designer aim at them.`;
   return "Change the settings of the learner, such as its learning rate: the curriculum offers no easier step.";
