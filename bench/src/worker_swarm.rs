@@ -119,7 +119,8 @@ impl Swarm {
                 cluster: Default::default(),
             };
             let kinds = [JobKind::Audit].into_iter().collect();
-            let config = WorkerConfig { nats, host: format!("host{number}"), kinds, concurrency: 1 };
+            let host = format!("host{number}");
+            let config = WorkerConfig { nats, host, kinds, concurrency: 1, policies: Default::default() };
             let (stop, stopped) = watch::channel(false);
             swarm.stops.push(stop);
             swarm.workers.spawn(async move {

@@ -1,8 +1,8 @@
 //! The command line of Sparring: one file or folder per subcommand, each with `Args` and `run`.
 //!
 //! Start reading at [`main`] and the subcommand of interest. This crate has the subcommands that use the service or its
-//! database; the crate `commands` has the others, the arguments that several subcommands share, and the output. [`judge`] and
-//! [`policy`] hold arguments of the server. Decisions and storage live in the crates below (`orchestrator`, `curriculum`,
+//! database; the crate `commands` has the others, the arguments that several subcommands share, and the output. [`judge`]
+//! holds arguments of the server. Decisions and storage live in the crates below (`orchestrator`, `curriculum`,
 //! `designer`, `env-core`).
 //!
 //! Results go to stdout; logs, progress and error messages go to stderr. Exit codes: 0 success, 1 a failed check, 2 bad input
@@ -20,7 +20,6 @@ pub mod judge;
 pub mod man;
 mod mcp;
 mod own_service;
-pub mod policy;
 pub mod remote_workers_args;
 pub mod report;
 pub mod serve;

@@ -12,6 +12,7 @@ use clock::Clock;
 use commands::interrupt::StopSignal;
 use commands::llm_args::LlmArgs;
 use commands::output;
+use commands::policy_args::PolicyArgs;
 use llm::LlmClient;
 use orchestrator::designs::{BuiltInDesigners, Designers, DesignersWithModel};
 use orchestrator::limits::ClientLimits;
@@ -22,7 +23,6 @@ use orchestrator::sessions::SessionLimits;
 use super::alert_args::AlertArgs;
 use super::bind_args::BindArgs;
 use super::judge::JudgeArgs;
-use super::policy::PolicyArgs;
 use super::remote_workers_args::RemoteWorkersArgs;
 use super::shard_args::ShardArgs;
 use super::tls_args::{ReloadSignal, TlsArgs};
@@ -142,7 +142,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let clock = Clock::system();
         let designers = designers(&args.llm, &clock)?;
         let judges = args.judge.judges(&args.llm, &clock)?;
-        let endpoint = args.policy.endpoint(&args.llm, &clock)?;
+        let endpoint = args.policy.endpoint(&args.llm.limits, &clock)?;
         let idle_timeout = (args.session_idle > 0).then(|| Duration::from_secs(args.session_idle.into()));
         let sessions = SessionLimits {
             max_sessions: args.sessions as usize,

@@ -26,6 +26,7 @@ pub mod options;
 pub mod output;
 pub mod play;
 pub mod plot;
+pub mod policy_args;
 pub mod replay;
 pub mod run_names;
 pub mod runs;

@@ -38,12 +38,21 @@ pub struct LlmArgs {
     /// Largest number of concurrent calls
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=256))]
     llm_concurrency: u16,
-    /// Number of retries after a transient failure
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(0..=10))]
-    llm_retries: u32,
     /// Largest number of tokens of one response
     #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(64..=131_072))]
     llm_max_tokens: u32,
+    /// Retries, budgets and prices.
+    #[command(flatten)]
+    pub limits: LlmLimitArgs,
+}
+
+/// Retries, budgets and prices of a language model, which all endpoints of a process share.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Language model")]
+pub struct LlmLimitArgs {
+    /// Number of retries after a transient failure
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(0..=10))]
+    llm_retries: u32,
     /// Token budget of one run [default: unlimited]
     #[arg(long, value_name = "N")]
     llm_tokens_per_run: Option<u64>,
@@ -89,10 +98,18 @@ impl LlmArgs {
         self.llm_url.is_some()
     }
 
-    /// Sets retries, token limits, prices and budgets.
-    pub fn with_limits(&self, mut config: LlmConfig) -> LlmConfig {
-        config.retries = self.llm_retries;
+    /// Sets retries, the limit of tokens, prices and budgets.
+    pub fn with_limits(&self, config: LlmConfig) -> LlmConfig {
+        let mut config = self.limits.apply(config);
         config.max_tokens = self.llm_max_tokens;
+        config
+    }
+}
+
+impl LlmLimitArgs {
+    /// Sets retries, prices and budgets.
+    pub fn apply(&self, mut config: LlmConfig) -> LlmConfig {
+        config.retries = self.llm_retries;
         config.tokens_per_run = self.llm_tokens_per_run;
         config.tokens_per_day = self.llm_tokens_per_day;
         config.cost_per_day = self.llm_cost_per_day;

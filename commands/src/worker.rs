@@ -2,29 +2,41 @@
 
 use std::collections::BTreeSet;
 use std::process::ExitCode;
+use std::str::FromStr;
 
+use anyhow::bail;
+use clock::Clock;
 use job_queue::nats::worker::{WorkerConfig, run as run_worker};
 use jobs::JobKind;
+use jobs::kind::UnknownJobKind;
+use rollout::PolicySources;
 use tokio::sync::watch;
 
 use crate::interrupt::StopSignal;
+use crate::llm_args::LlmLimitArgs;
 use crate::nats_args::NatsArgs;
+use crate::policy_args::PolicyArgs;
 
-/// Do jobs of a server on this machine: prepare scenarios, replay results, criticise episodes.
+/// Do jobs of a server on this machine: prepare scenarios, replay results, criticise episodes, roll out policies.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 The worker needs no database and no access to the server: both connect to NATS, where the server was started with `sparring serve \
 --nats`. A worker keeps nothing, so it can be started and killed at any time; its jobs go to other workers, or the server does them. \
 It must be of the same version as the server, which refuses it otherwise. Ctrl-C (or SIGTERM) ends it after its running jobs.
 
+The kind `rollout` stands for all policies that the worker has: built-in ones, the files of --policy-folder, and the language model of \
+--policy-url. The kinds rollout_built_in, rollout_file and rollout_chat name one of them.
+
 Examples:
   sparring worker --nats nats://10.0.0.5:4222
-  sparring worker --nats nats://10.0.0.5:4222 --jobs audit --concurrency 4")]
+  sparring worker --nats nats://10.0.0.5:4222 --jobs audit --concurrency 4
+  sparring worker --nats nats://10.0.0.5:4222 --jobs rollout \\
+      --policy-url http://127.0.0.1:8000/v1 --policy-model name")]
 pub struct Args {
-    /// Kinds of jobs to do, with commas between them
-    #[arg(long, value_name = "KINDS", value_delimiter = ',', default_value = "prepare,audit,critique", value_parser = clap::value_parser!(JobKind))]
-    jobs: Vec<JobKind>,
-    /// Number of jobs to do at once [default: the number of cores]
+    /// Kinds of jobs to do, with commas between them: prepare, audit, critique, rollout
+    #[arg(long, value_name = "KINDS", value_delimiter = ',', default_value = "prepare,audit,critique", value_parser = clap::value_parser!(JobChoice))]
+    jobs: Vec<JobChoice>,
+    /// Number of jobs to do at once [default: the number of cores]; --policy-concurrency limits conversations
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     concurrency: Option<u16>,
     /// Name of this machine in the list of workers [default: its host name]
@@ -32,19 +44,69 @@ pub struct Args {
     host: Option<String>,
     #[command(flatten)]
     nats: NatsArgs,
+    #[command(flatten)]
+    policy: PolicyArgs,
+    #[command(flatten)]
+    limits: LlmLimitArgs,
+}
+
+/// Kinds that a word of `--jobs` names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum JobChoice {
+    /// One kind of jobs.
+    Kind(JobKind),
+    /// Rollouts of all policies that the worker has.
+    Rollout,
+}
+
+impl FromStr for JobChoice {
+    type Err = UnknownJobKind;
+
+    fn from_str(word: &str) -> Result<Self, UnknownJobKind> {
+        if word == "rollout" { Ok(Self::Rollout) } else { word.parse().map(Self::Kind) }
+    }
+}
+
+/// Returns the kinds of jobs that a worker with these policies takes.
+///
+/// # Errors
+/// Returns an error if it lacks the policy of a kind that is named.
+fn kinds(choices: &[JobChoice], policies: &PolicySources) -> anyhow::Result<BTreeSet<JobKind>> {
+    let (has_files, has_model) = (policies.folder.is_configured(), policies.endpoint.is_some());
+    let mut kinds = BTreeSet::new();
+    for choice in choices {
+        match choice {
+            JobChoice::Kind(JobKind::RolloutFile) if !has_files => {
+                bail!("--jobs rollout_file needs --policy-folder")
+            }
+            JobChoice::Kind(JobKind::RolloutChat) if !has_model => {
+                bail!("--jobs rollout_chat needs --policy-url and --policy-model")
+            }
+            JobChoice::Kind(kind) => drop(kinds.insert(*kind)),
+            JobChoice::Rollout => {
+                kinds.insert(JobKind::RolloutBuiltIn);
+                kinds.extend(has_files.then_some(JobKind::RolloutFile));
+                kinds.extend(has_model.then_some(JobKind::RolloutChat));
+            }
+        }
+    }
+    Ok(kinds)
 }
 
 /// Runs a worker until a signal stops it.
 ///
 /// # Errors
-/// Returns an error if the server refuses or expels the worker, or if the system has no threads left.
+/// Returns an error if the arguments of its policies are invalid, if the server refuses or expels the worker, or if the system has no
+/// threads left.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let cores = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let policies = args.policy.sources(&args.limits, &Clock::system())?;
     let config = WorkerConfig {
         nats: args.nats.config(),
         host: args.host.clone().unwrap_or_else(job_queue::host_name),
-        kinds: args.jobs.iter().copied().collect::<BTreeSet<_>>(),
+        kinds: kinds(&args.jobs, &policies)?,
         concurrency: args.concurrency.map_or_else(cores, usize::from),
+        policies,
     };
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     runtime.block_on(async {
@@ -59,4 +121,28 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         run_worker(config, stopped).await?;
         Ok(waiting.await??.exit_code())
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rollouts_are_those_of_the_policies_that_the_worker_has() {
+        let parse =
+            |words: &str| words.split(',').map(|word| word.parse().unwrap()).collect::<Vec<JobChoice>>();
+        let none = PolicySources::default();
+        let files = PolicySources { folder: policy_files::PolicyFolder::new(".".into()), ..none.clone() };
+        let of = |words: &str, policies: &PolicySources| {
+            kinds(&parse(words), policies)
+                .map(|kinds| kinds.iter().map(ToString::to_string).collect::<Vec<_>>().join(","))
+        };
+        assert_eq!(of("rollout,audit", &none).unwrap(), "audit,rollout_built_in");
+        assert_eq!(of("rollout", &files).unwrap(), "rollout_built_in,rollout_file");
+        assert_eq!(of("rollout_file", &files).unwrap(), "rollout_file");
+        for (words, missing) in [("rollout_file", "--policy-folder"), ("rollout_chat", "--policy-url")] {
+            assert!(of(words, &none).unwrap_err().to_string().contains(missing));
+        }
+        assert!("golf".parse::<JobChoice>().is_err());
+    }
 }

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use futures_util::FutureExt;
 use futures_util::future::BoxFuture;
 use jobs::prepare::unsolvable::UnsolvableParams;
-use jobs::{JobContext, JobKind, JobOutput, JobPayload};
+use jobs::{JobContext, JobOutput, JobPayload};
 use rayon::ThreadPool;
 use tokio::sync::oneshot;
 
@@ -26,11 +26,11 @@ pub struct QueuePools {
 }
 
 impl QueuePools {
-    fn of(&self, kind: JobKind) -> &Arc<ThreadPool> {
-        match kind {
-            JobKind::Prepare => &self.prepare,
-            JobKind::Audit => &self.audit,
-            JobKind::Critique => &self.critique,
+    fn of(&self, job: &JobPayload) -> &Arc<ThreadPool> {
+        match job {
+            JobPayload::Prepare(_) => &self.prepare,
+            JobPayload::Audit(_) => &self.audit,
+            JobPayload::Critique(_) => &self.critique,
         }
     }
 }
@@ -56,16 +56,17 @@ impl LocalQueue {
         Self { pools, unsolvable: Arc::default() }
     }
 
-    /// Number of threads for a kind of jobs.
-    pub(crate) fn threads(&self, kind: JobKind) -> usize {
-        self.pools.of(kind).current_num_threads()
+    /// Number of threads for jobs of the same kind.
+    pub(crate) fn threads(&self, job: &JobPayload) -> usize {
+        self.pools.of(job).current_num_threads()
     }
 
     /// Does a job, and measures how long the computation takes.
     pub(crate) async fn run_timed(&self, job: Arc<JobPayload>) -> Result<TimedOutput, JobError> {
         let (sender, receiver) = oneshot::channel();
         let unsolvable = Arc::clone(&self.unsolvable);
-        self.pools.of(job.kind()).spawn(move || {
+        let pool = Arc::clone(self.pools.of(&job));
+        pool.spawn(move || {
             let started = Instant::now();
             // The receiver is gone if the caller does not want the result any more; then a search ends.
             let is_wanted = || !sender.is_closed();

@@ -68,7 +68,7 @@ pub struct ResultEnvelope {
 pub enum JobReply {
     /// The job was done.
     Done {
-        /// The result: an encoded [`JobOutput`](crate::JobOutput).
+        /// The result: an encoded [`JobOutput`](crate::JobOutput), or the group of a rollout.
         body: ReplyBody,
         /// Time that the worker computed, µs.
         micros: u64,
@@ -77,6 +77,8 @@ pub enum JobReply {
     Failed(String),
     /// This worker may not do the job, for this reason, for example its world version.
     Refused(String),
+    /// The policy of the job has a newer version.
+    Superseded,
 }
 
 /// Encoded result of a job.

@@ -15,16 +15,31 @@ pub enum JobKind {
     Audit,
     /// Criticises episodes that were replayed.
     Critique,
+    /// Rolls out a built-in policy.
+    RolloutBuiltIn,
+    /// Rolls out a policy file.
+    RolloutFile,
+    /// Rolls out a language model.
+    RolloutChat,
 }
 
 /// A word that names no kind of jobs.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("the kind of a job must be prepare, audit or critique, got `{0}`")]
+#[error(
+    "the kind of a job must be prepare, audit, critique, rollout_built_in, rollout_file or rollout_chat, got `{0}`"
+)]
 pub struct UnknownJobKind(pub String);
 
 impl JobKind {
     /// All kinds, in the order of their declaration.
-    pub const ALL: [Self; 3] = [Self::Prepare, Self::Audit, Self::Critique];
+    pub const ALL: [Self; 6] = [
+        Self::Prepare,
+        Self::Audit,
+        Self::Critique,
+        Self::RolloutBuiltIn,
+        Self::RolloutFile,
+        Self::RolloutChat,
+    ];
 
     /// The word for subjects, options and metrics.
     #[must_use]
@@ -33,7 +48,16 @@ impl JobKind {
             Self::Prepare => "prepare",
             Self::Audit => "audit",
             Self::Critique => "critique",
+            Self::RolloutBuiltIn => "rollout_built_in",
+            Self::RolloutFile => "rollout_file",
+            Self::RolloutChat => "rollout_chat",
         }
+    }
+
+    /// True if jobs of this kind roll out a policy. Their payloads are in the crate `rollout`.
+    #[must_use]
+    pub const fn is_rollout(self) -> bool {
+        matches!(self, Self::RolloutBuiltIn | Self::RolloutFile | Self::RolloutChat)
     }
 }
 

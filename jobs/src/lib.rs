@@ -1,7 +1,7 @@
 //! Jobs as data: the work of the service that can be done anywhere.
 //!
 //! A job is a pure function of its payload: preparing proposals ([`prepare`]), replaying reported episodes ([`audit`]) and criticising
-//! them ([`critique`]). The crate has no I/O. [`JobPayload::run`] does a job, [`JobPayload::encode`] gives it a compact form, and
+//! them ([`critique`]). The crate has no I/O. Rollouts have kinds and envelopes here, and payloads in the crate `rollout`. [`JobPayload::run`] does a job, [`JobPayload::encode`] gives it a compact form, and
 //! [`envelope`] has what travels with it: the job's id, its fencing token and the [`world_version`](world_version::world_version),
 //! which must be equal on both sides. Queues of jobs are in the crate `job-queue`. Start reading at [`payload`].
 

@@ -151,6 +151,9 @@ impl JobPayload {
             JobKind::Prepare => Self::Prepare(PreparePayload::decode(bytes)?),
             JobKind::Audit => Self::Audit(AuditPayload::decode(bytes)?),
             JobKind::Critique => Self::Critique(EpisodeBatch::decode(bytes)?),
+            JobKind::RolloutBuiltIn | JobKind::RolloutFile | JobKind::RolloutChat => {
+                return Err(WireError::Mismatch("a rollout is no pure function of its payload"));
+            }
         })
     }
 }
@@ -252,10 +255,10 @@ impl JobOutput {
     /// # Errors
     /// Returns [`WireError`] if the bytes are no valid result, or if it does not fit the job.
     pub fn decode(job: &JobPayload, bytes: &[u8]) -> Result<Self, WireError> {
-        let output = match job.kind() {
-            JobKind::Prepare => Self::Prepare(PrepareOutput::decode(bytes)?),
-            JobKind::Audit => Self::Audit(AuditOutput::decode(bytes)?),
-            JobKind::Critique => Self::Critique(CritiqueOutput::decode(bytes)?),
+        let output = match job {
+            JobPayload::Prepare(_) => Self::Prepare(PrepareOutput::decode(bytes)?),
+            JobPayload::Audit(_) => Self::Audit(AuditOutput::decode(bytes)?),
+            JobPayload::Critique(_) => Self::Critique(CritiqueOutput::decode(bytes)?),
         };
         if output.fits(job) { Ok(output) } else { Err(WireError::Mismatch("it has other or fewer results")) }
     }

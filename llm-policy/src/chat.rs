@@ -5,7 +5,7 @@ use std::time::Duration;
 use llm::{
     ChatCall, ChatRequest, ChatResponse, LlmClient, LlmError, Message, Role, TokenDetails, TokenUsage,
 };
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use tokio::time::Instant;
 
@@ -33,7 +33,7 @@ pub struct ChatSettings {
 }
 
 /// One call of the model, with its reply.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Completion {
     /// Messages that were sent.
     pub messages: Vec<Message>,

@@ -46,6 +46,12 @@ impl PolicyFolder {
         Self { path: Some(path), parsed: Arc::default() }
     }
 
+    /// Returns true if there is a folder.
+    #[must_use]
+    pub const fn is_configured(&self) -> bool {
+        self.path.is_some()
+    }
+
     /// Opens a policy: a built-in one, or a file of the folder.
     ///
     /// # Errors

@@ -30,8 +30,17 @@ impl WorkerProcess {
     /// Panics if the process does not start.
     #[must_use]
     pub fn start_with_options(options: &[&str]) -> Self {
+        Self::start_with_variables(options, &[])
+    }
+
+    /// Starts a worker with options and environment variables, that does one job at a time.
+    ///
+    /// # Panics
+    /// Panics if the process does not start.
+    #[must_use]
+    pub fn start_with_variables(options: &[&str], variables: &[(&str, &str)]) -> Self {
         let mut command = Command::new(sparring_binary());
-        command.args(["worker", "--concurrency", "1"]).args(options);
+        command.args(["worker", "--concurrency", "1"]).args(options).envs(variables.iter().copied());
         Self(command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("the worker starts"))
     }
 

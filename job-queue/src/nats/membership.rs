@@ -16,10 +16,13 @@ pub(crate) struct Heartbeat {
     pub(crate) version: String,
     /// World version of the program.
     pub(crate) world: String,
-    /// Kinds of jobs that the worker takes. A server ignores kinds that it does not know.
+    /// Kinds of jobs that the worker takes; those of rollouts name its policies. A server ignores kinds that it does not know.
     pub(crate) kinds: Vec<String>,
     /// Number of jobs that it does at once.
     pub(crate) concurrency: u32,
+    /// Number of calls of its language model that it makes at once; 0 if it rolls out no chat policy.
+    #[serde(default)]
+    pub(crate) chat_calls: u32,
     /// Jobs that it holds.
     #[serde(default)]
     pub(crate) active: Vec<JobId>,

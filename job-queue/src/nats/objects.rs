@@ -172,3 +172,26 @@ pub(crate) async fn find_stream(context: &Context, name: &str) -> Result<Option<
         },
     }
 }
+
+/// Deletes an object of a job when it is dropped.
+pub(crate) struct ObjectGuard {
+    objects: ObjectBucket,
+    name: String,
+}
+
+impl ObjectGuard {
+    /// Deletes the object of this name later.
+    pub(crate) fn new(objects: &ObjectBucket, name: String) -> Self {
+        Self { objects: objects.clone(), name }
+    }
+}
+
+impl Drop for ObjectGuard {
+    fn drop(&mut self) {
+        let (objects, name) = (self.objects.clone(), std::mem::take(&mut self.name));
+        // A bucket deletes old objects itself, if NATS is away now.
+        if let Ok(runtime) = tokio::runtime::Handle::try_current() {
+            drop(runtime.spawn(async move { objects.delete(&name).await }));
+        }
+    }
+}

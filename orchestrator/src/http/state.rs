@@ -6,6 +6,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use policy_files::PolicyFolder;
+use rollout::Endpoint;
 use sqlx::SqlitePool;
 use tokio::sync::watch;
 
@@ -16,7 +17,6 @@ use crate::designs::Designers;
 use crate::engine::writer::Writer;
 use crate::leases::lease_service::LeaseService;
 use crate::limits::{BodyLimit, ClientLimits, ConcurrencyLimits, LongPollLimit, Quota, RateLimit};
-use crate::rollouts::Endpoint;
 use crate::sessions::SessionManager;
 use crate::shards::Shards;
 use crate::trainer_activity::TrainerActivity;

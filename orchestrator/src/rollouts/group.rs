@@ -3,10 +3,12 @@
 use crate::api_enums::ConvertEnum;
 use api_types::{ActionStopReason, MessageContent, ObservationContent, ObservationMode, PolicySettings};
 use env_core::{Bracket, Scenario, StopReason};
+use policy_files::{PolicyFolder, PolicyReference};
+use rollout::{ChatSampling, RolledOutGroup, RolloutJob, RolloutOutcome, RolloutPolicy};
 use store::groups::{self, GroupRow};
 use store::ids::{EpisodeId, LayoutId, LeaseId, RunId};
 use store::leases::LeaseRow;
-use store::run_policies::RunPolicyRow;
+use store::run_policies::{RunPolicy, RunPolicyRow};
 use store::scenarios::ScenarioLoader;
 use store::{StoreError, brackets, from_json, runs, to_json, to_u32, to_u64};
 
@@ -17,9 +19,7 @@ use crate::results::audit_outcome::{AuditOutcome, AuditedEpisode};
 use crate::results::reported::{ReportedEpisode, ReportedOutcome};
 use crate::rollouts::group_record::{EpisodeRecord, GroupRecord};
 use crate::rollouts::packed_group::PackError;
-use crate::rollouts::recorder::RecordingBudget;
 use crate::rollouts::rollout_lease::RolloutLease;
-use crate::rollouts::run_episode::RolloutOutcome;
 use crate::rollouts::settings::settings_from_row;
 use crate::runs::settings::RunSettings;
 use env_core::frames::wire_step;
@@ -33,6 +33,12 @@ pub enum RolloutError {
     /// The group cannot be packed.
     #[error(transparent)]
     Pack(#[from] PackError),
+    /// No worker rolled out the group, and the server cannot.
+    #[error("the server has no language model, and no worker rolled out the group: {0}")]
+    NoWorker(String),
+    /// The policy has a newer version.
+    #[error("the policy has a newer version")]
+    Superseded,
     /// The rollout itself failed.
     #[error("the rollout failed: {0}")]
     Failed(String),
@@ -100,15 +106,32 @@ impl RolloutGroup {
         to_u32(self.row.group_size)
     }
 
-    /// Returns the memory budget of the recorded episodes.
-    #[must_use]
-    pub fn recording_budget(&self) -> RecordingBudget {
-        RecordingBudget::new(self.settings.observations == ObservationMode::Telemetry)
+    /// Returns the job that rolls out the group. A policy file gets the hash that the file of this server has now.
+    ///
+    /// # Errors
+    /// Returns [`RolloutError::Failed`] if the policy file cannot be read.
+    pub fn to_job(&self, folder: &PolicyFolder) -> Result<RolloutJob, RolloutError> {
+        let PolicySettings { temperature, history, max_tokens, observations, .. } = self.settings;
+        let policy = match &self.policy.policy {
+            RunPolicy::Chat => RolloutPolicy::Chat(ChatSampling { temperature, history, max_tokens }),
+            policy => {
+                let pinned = folder.pin(&PolicyReference::parse(policy.as_str()));
+                let pinned = pinned.map_err(|error| RolloutError::Failed(error.to_string()))?;
+                RolloutPolicy::Reference(pinned.to_string())
+            }
+        };
+        Ok(RolloutJob {
+            run: self.run.to_string(),
+            policy_version: self.policy.version,
+            scenario: self.scenario.clone(),
+            policy,
+            seeds: (0..self.size()).map(|index| self.policy_seed(index)).collect(),
+            records_observations: observations == ObservationMode::Telemetry,
+        })
     }
 
     /// Returns the seed of a stochastic policy: different for each episode, and the same at every call.
-    #[must_use]
-    pub fn policy_seed(&self, index: u32) -> u64 {
+    fn policy_seed(&self, index: u32) -> u64 {
         let mut hasher = blake3::Hasher::new_derive_key("sparring 2026 rollout seeds");
         hasher.update(&self.run_seed.to_le_bytes());
         hasher.update(&self.row.id.to_le_bytes());
@@ -156,10 +179,10 @@ impl RolloutGroup {
     /// Returns an error if an episode does not replay.
     pub fn to_trajectory(
         &self,
-        outcomes: Vec<RolloutOutcome>,
+        rolled_out: RolledOutGroup,
         audited: &[AuditedEpisode],
-        budget: &RecordingBudget,
     ) -> Result<Option<GroupRecord>, ServiceError> {
+        let RolledOutGroup { outcomes, lacks_observations, lacks_messages, .. } = rolled_out;
         let failed = outcomes.iter().filter(|outcome| outcome.episode.is_err()).count();
         let finished = outcomes.len() - failed;
         if finished == 0 || finished < self.min_group || !self.group.is_for_training {
@@ -176,10 +199,10 @@ impl RolloutGroup {
             return Ok(None);
         }
         let mut group = self.group_record(failed, episodes, is_chat);
-        if budget.lacks_observations() {
+        if lacks_observations {
             group.drop_observations();
         }
-        if budget.lacks_messages() {
+        if lacks_messages {
             group.drop_messages();
         }
         Ok(Some(group))

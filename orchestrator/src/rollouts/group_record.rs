@@ -3,17 +3,13 @@
 //! Its JSON is that of `api_types::TrajectoryGroup`. Observations stay JSON text, so that they are written once.
 
 use api_types::{
-    ActionStopReason, AgentResult, GroupRole, MessageContent, ObservationContent, ScenarioBracket,
-    TrajectoryMetrics,
+    ActionStopReason, GroupRole, MessageContent, ObservationContent, ScenarioBracket, TrajectoryMetrics,
 };
 use serde::Serialize;
 use serde_json::Value;
 use serde_json::value::RawValue;
 
-use llm_policy::Completion;
-
-/// Size of a group as JSON, in bytes, above which observations are left out, then conversations.
-pub const MAX_GROUP_BYTES: usize = 16 << 20;
+use rollout::StepRecord;
 
 /// A finished group, without its id in the feed and the number of its deliveries.
 #[derive(Debug, Serialize)]
@@ -79,29 +75,6 @@ pub struct EpisodeRecord {
     pub last_observation: Option<Box<RawValue>>,
 }
 
-/// One step of an episode.
-#[derive(Debug, Clone, Serialize)]
-pub struct StepRecord {
-    /// Observation of the agents before the step, in the wire form.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub observation: Option<Box<RawValue>>,
-    /// Actions of the agents, as in results: a list of `[agent, value, …]`. Null if the agent gave none: the episode was stopped at
-    /// this step.
-    pub action: Option<Value>,
-    /// The team's reward. At the step where the episode was stopped: the sum of all that doing nothing earned from there on.
-    pub reward: f64,
-    /// Every agent that was alive before the step.
-    pub agents: Vec<AgentResult>,
-    /// True if the episode is over.
-    pub done: bool,
-    /// Why the agent gave no action.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub error: Option<String>,
-    /// Calls of the language model for this step: one, or two if its first answer was repaired.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub completions: Option<Vec<Completion>>,
-}
-
 impl GroupRecord {
     /// Removes the observations of every step.
     pub fn drop_observations(&mut self) {
@@ -124,8 +97,9 @@ impl GroupRecord {
 
 #[cfg(test)]
 pub(super) mod tests {
-    use api_types::TrajectoryGroup;
+    use api_types::{AgentResult, TrajectoryGroup};
     use llm::{Message, Role, TokenDetails};
+    use llm_policy::Completion;
     use serde_json::{json, to_value};
 
     use super::*;

@@ -1,9 +1,10 @@
 //! The stored form of a trajectory group: JSON, compressed once and unpacked as it is delivered.
 
 use api_types::{MessageContent, ObservationContent};
+use rollout::MAX_GROUP_BYTES;
 use store::trajectories::FeedGroup;
 
-use crate::rollouts::group_record::{GroupRecord, MAX_GROUP_BYTES};
+use crate::rollouts::group_record::GroupRecord;
 
 /// Maximum size of a group as JSON, in bytes, without observations and conversations.
 const MAX_BARE_GROUP_BYTES: usize = 64 << 20;
@@ -76,11 +77,11 @@ pub fn feed_group_json(head: FeedGroup, body: &[u8]) -> Result<Vec<u8>, PackErro
 
 #[cfg(test)]
 mod tests {
+    use rollout::StepRecord;
     use serde_json::Value;
     use serde_json::value::RawValue;
 
     use super::*;
-    use crate::rollouts::group_record::StepRecord;
     use crate::rollouts::group_record::tests::group_with_all_fields;
 
     /// Group of one step whose observation has `observation` bytes of text.

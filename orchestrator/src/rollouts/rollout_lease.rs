@@ -78,6 +78,19 @@ impl Change for ReturnRolloutLease {
     }
 }
 
+/// Returns a lease of a rollout worker without a loss: its group was not rolled out, and its scenario goes to the front of the queue.
+#[derive(Debug)]
+pub struct WithdrawRolloutLease(pub LeaseId);
+
+impl Change for WithdrawRolloutLease {
+    type Output = ();
+
+    async fn apply(self, tx: &mut WriteTx) -> Result<(), ServiceError> {
+        return_lease(tx, self.0.number).await?;
+        Ok(())
+    }
+}
+
 /// Returns the leases that rollout workers held when the server stopped.
 #[derive(Debug)]
 pub struct ReturnAbandonedLeases;
@@ -101,7 +114,7 @@ async fn release_held(tx: &mut WriteTx, lease: i64) -> Result<Option<LeaseRow>, 
     Ok(leases::get(&mut tx.conn, lease).await?.filter(LeaseRow::is_active))
 }
 
-/// Returns a lease of a worker that a stop of the server interrupted; true if it was still active. No trainer saw its groups, and the
+/// Returns a lease whose group was not rolled out; true if it was still active. No trainer saw its groups, and the
 /// server rolls them out again: their slots are withdrawn, and their scenarios go to the front of the queue.
 async fn return_lease(tx: &mut WriteTx, lease: i64) -> Result<bool, ServiceError> {
     let Some(row) = release_held(tx, lease).await? else { return Ok(false) };

@@ -4,8 +4,8 @@ use api_types::{FeedDelivery, PolicyRequest, PolicySettings};
 use env_core::policy::PLANNER_POLICY;
 use env_core::text::{MAX_QUOTED_CHARS, shorten};
 use env_core::{TaskSpec, format_shortest};
-use llm::LlmClient;
 use policy_files::{PolicyFolder, PolicyReference};
+use rollout::Endpoint;
 use store::ids::RunId;
 use store::run_policies::{self, RunPolicy, RunPolicyRow};
 use store::{from_json, to_json};
@@ -17,15 +17,6 @@ use crate::engine::write_tx::WriteTx;
 use crate::runs::validate::check_range;
 use crate::runs::version_step::check_version_step;
 
-/// The language model of chat policies: the one that the server was started with.
-#[derive(Debug, Clone)]
-pub struct Endpoint {
-    /// Client of the model.
-    pub llm: LlmClient,
-    /// Sampling temperature of runs that set none.
-    pub temperature: Option<f64>,
-}
-
 /// Parts of a server that a run's policy can use.
 #[derive(Debug, Clone, Copy)]
 pub struct PolicyServer<'a> {
@@ -33,7 +24,7 @@ pub struct PolicyServer<'a> {
     pub endpoint: Option<&'a Endpoint>,
     /// Folder of policy files, if one is configured.
     pub folder: &'a PolicyFolder,
-    /// True if the server publishes feeds on NATS.
+    /// True if the server publishes feeds on NATS, where workers with a language model may join.
     pub has_nats: bool,
 }
 
@@ -63,7 +54,7 @@ impl SetPolicy {
         if reference.is_file() {
             check_file(&reference, folder, tasks)?;
         }
-        if policy == RunPolicy::Chat && endpoint.is_none() {
+        if policy == RunPolicy::Chat && endpoint.is_none() && !has_nats {
             let reason = "the server has no language model for the policy chat; start it with --policy-url and --policy-model";
             return Err(ServiceError::invalid("policy", reason));
         }

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use job_queue::nats::NatsConfig;
 use policy_files::PolicyFolder;
+use rollout::Endpoint;
 use store::shard::Shard;
 use store::{OpenError, StoreError};
 
@@ -15,7 +16,6 @@ use crate::designs::{BuiltInDesigners, Designers};
 use crate::http::{TlsError, TlsFiles};
 use crate::limits::ClientLimits;
 use crate::retention::archived::ArchivedRetention;
-use crate::rollouts::Endpoint;
 use crate::sessions::SessionLimits;
 use crate::shards::{InvalidPeers, PeerServer};
 use crate::tokens::Token;

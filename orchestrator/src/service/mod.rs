@@ -13,10 +13,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use job_queue::status::QueueNotice;
 use sqlx::SqlitePool;
 use store::{DatabaseLock, open_maintenance, open_readers};
-use tokio::sync::mpsc::UnboundedReceiver;
 use tokio::sync::watch;
 use tokio::task::{JoinHandle, JoinSet};
 
@@ -38,7 +36,7 @@ use crate::sessions::{SessionLimits, SessionManager};
 use crate::shards::Shards;
 use crate::threads::{self, ThreadPriority};
 use crate::tokens::Token;
-use crate::workers::{self, WorkerConfig};
+use crate::workers::{self, RemoteQueue, WorkerConfig};
 
 /// Time that running requests and the writer have to finish when the service stops.
 const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(10);
@@ -78,7 +76,7 @@ impl Service {
             Writer::start(connection, Some(Arc::clone(&lock)), config.clock.clone(), signals.clone());
         let (ready_sender, ready) = watch::channel(0);
         let (stop, stopped) = watch::channel(false);
-        let ServiceQueue { audits, report_order, notices } =
+        let ServiceQueue { audits, report_order, remote } =
             service_queue::start(&config).map_err(StartError::Threads)?;
         let lease_service = LeaseService {
             writer: writer.clone(),
@@ -91,9 +89,7 @@ impl Service {
         };
         let sessions = create_sessions(&config, surface, &lease_service)?;
         let workers = match &config.process_token {
-            None => {
-                spawn_workers(&config, &lease_service, signals.clone(), ready_sender, &sessions, notices)?
-            }
+            None => spawn_workers(&config, &lease_service, signals.clone(), ready_sender, &sessions, remote)?,
             Some(_) => JoinSet::new(),
         };
         let access_control = create_access_control(&config, &lease_service, address);
@@ -275,7 +271,7 @@ fn spawn_workers(
     signals: WorkerSignals,
     ready: watch::Sender<u64>,
     sessions: &Arc<SessionManager>,
-    notices: Option<UnboundedReceiver<QueueNotice>>,
+    remote: Option<RemoteQueue>,
 ) -> Result<JoinSet<()>, StartError> {
     let workers = WorkerConfig {
         clock: config.clock.clone(),
@@ -289,7 +285,7 @@ fn spawn_workers(
         archived_retention: config.archived_retention,
         alerts: config.alerts.clone(),
         folder: folder_of(&config.db),
-        notices,
+        remote,
         feeds: service_queue::feed_server(config),
     };
     workers.spawn().map_err(StartError::Threads)

@@ -4,24 +4,22 @@ use std::path::Path;
 use std::sync::Arc;
 
 use job_queue::nats::server::{NatsQueue, NatsQueueConfig};
-use job_queue::status::QueueNotice;
 use job_queue::{JobQueue, LocalQueue, QueuePools};
 use rayon::ThreadPoolBuildError;
 use store::to_u64;
-use tokio::sync::mpsc::UnboundedReceiver;
 
 use super::config::{Config, RemoteWorkersConfig};
 use crate::results::audit::AuditEngine;
 use crate::results::report_order::ReportOrder;
 use crate::threads::{self, ThreadPriority};
-use crate::workers::{FeedServer, MAX_PREPARE_JOBS};
+use crate::workers::{FeedServer, MAX_PREPARE_JOBS, RemoteQueue};
 
 /// Queue of a service, with everything that depends on where its jobs are done.
 pub(super) struct ServiceQueue {
     pub(super) audits: AuditEngine,
     pub(super) report_order: ReportOrder,
-    /// Notices of workers on other machines, if they are configured.
-    pub(super) notices: Option<UnboundedReceiver<QueueNotice>>,
+    /// Workers on other machines, if they are configured.
+    pub(super) remote: Option<RemoteQueue>,
 }
 
 /// Starts the queue. A service without background work has threads for replays only.
@@ -40,15 +38,16 @@ pub(super) fn start(config: &Config) -> Result<ServiceQueue, ThreadPoolBuildErro
     let Some(RemoteWorkersConfig { nats, verified_share, min_job, patience }) = config.remote_workers.clone()
     else {
         let audits = AuditEngine { threads: audit, queue: Arc::new(local) };
-        return Ok(ServiceQueue { audits, report_order: ReportOrder::default(), notices: None });
+        return Ok(ServiceQueue { audits, report_order: ReportOrder::default(), remote: None });
     };
     let epoch = to_u64(config.clock.now());
     let server = server_name(&config.db);
     let config = NatsQueueConfig { nats, server, epoch, verified_share, min_job, patience };
     let (queue, notices) = NatsQueue::start(config, local);
+    let remote = RemoteQueue { notices, rollouts: queue.rollouts() };
     let queue: Arc<dyn JobQueue> = Arc::new(queue);
     let audits = AuditEngine { threads: audit, queue };
-    Ok(ServiceQueue { audits, report_order: ReportOrder::of_arrival(), notices: Some(notices) })
+    Ok(ServiceQueue { audits, report_order: ReportOrder::of_arrival(), remote: Some(remote) })
 }
 
 /// Returns where trajectory feeds are published; `None` without NATS.

@@ -23,4 +23,4 @@ mod spawn;
 
 pub use self::feed_stream::FeedServer;
 pub use self::prepare::MAX_JOBS as MAX_PREPARE_JOBS;
-pub use self::spawn::WorkerConfig;
+pub use self::spawn::{RemoteQueue, WorkerConfig};

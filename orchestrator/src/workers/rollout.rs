@@ -3,24 +3,27 @@
 
 mod backoff;
 mod group_rollout;
+mod placement;
 
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use policy_files::PolicyFolder;
+use job_queue::nats::server::RolloutQueue;
+use jobs::JobKind;
+use rollout::PolicySources;
 use sqlx::SqlitePool;
 use store::ids::RunId;
-use store::run_policies::{self, RunPolicy, RunPolicyRow};
+use store::run_policies::{self, RunPolicyRow};
 use store::{from_json, runs, trajectories};
-use tokio::sync::Notify;
+use tokio::sync::{Notify, Semaphore};
 use tokio::task::{Id, JoinError, JoinSet};
 
 use self::backoff::RunBackoff;
 use self::group_rollout::GroupRolloutStatus;
+use self::placement::{MAX_BUILT_IN_GROUPS, Placement, RolloutPlace, rollout_kind};
 use crate::engine::error::ServiceError;
 use crate::leases::lease_service::LeaseService;
-use crate::rollouts::Endpoint;
 use crate::rollouts::feed::MAX_UNACKED_BYTES;
 use crate::rollouts::rollout_lease::ReturnAbandonedLeases;
 use crate::rollouts::settings::SetPolicyError;
@@ -33,8 +36,6 @@ use clock::{Clock, Millis};
 const POLL_INTERVAL: Duration = Duration::from_secs(1);
 /// Pause after an error of the worker itself.
 const ERROR_PAUSE: Duration = Duration::from_secs(2);
-/// Maximum number of concurrent groups of built-in policies: one is replayed and stored while another is rolled out.
-const MAX_BUILT_IN_GROUPS: usize = 2;
 
 /// Worker that rolls out the policies of runs.
 #[derive(Debug, Clone)]
@@ -47,21 +48,23 @@ pub(super) struct RolloutWorker {
     pub clock: Clock,
     /// Signal that a group may be due.
     pub wake: Arc<Notify>,
-    /// Language model of chat policies, if one is configured.
-    pub endpoint: Option<Endpoint>,
-    /// Folder of policy files, if one is configured.
-    pub policy_folder: PolicyFolder,
+    /// Policies of this server.
+    pub policies: PolicySources,
     /// Threads of this worker, at background priority.
     pub pool: Arc<rayon::ThreadPool>,
+    /// Permits of groups on these threads.
+    pub permits: Arc<Semaphore>,
+    /// Workers on other machines, if they are configured.
+    pub remote: Option<RolloutQueue>,
 }
 
-/// Load that a group puts on the machine or on the language model.
+/// Load that a group puts on a machine or on a language model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum RolloutLoad {
-    /// A built-in policy or one from a file, on the worker's threads.
-    BuiltIn,
-    /// A language model, by this many concurrent episodes.
-    Chat { episodes: u32 },
+struct RolloutLoad {
+    place: RolloutPlace,
+    kind: JobKind,
+    /// Episodes of a language model; 1 for a group of another policy.
+    amount: usize,
 }
 
 /// A group that is being rolled out.
@@ -83,6 +86,11 @@ struct ActiveGroups {
 }
 
 impl RolloutWorker {
+    /// Creates the permits of groups on the worker's threads.
+    pub(super) fn group_permits() -> Arc<Semaphore> {
+        Arc::new(Semaphore::new(MAX_BUILT_IN_GROUPS))
+    }
+
     /// Runs until the writer stops.
     pub(super) async fn run(self) {
         let mut active = ActiveGroups::default();
@@ -141,10 +149,11 @@ impl RolloutWorker {
         active: &mut ActiveGroups,
         row: &RunPolicyRow,
     ) -> Result<Option<RolloutLoad>, ServiceError> {
-        let is_chat = row.policy == RunPolicy::Chat;
-        if active.backoff.is_paused(&row.run, row.changed_at)
-            || (!is_chat && active.built_in_groups() >= MAX_BUILT_IN_GROUPS)
-        {
+        if active.backoff.is_paused(&row.run, row.changed_at) {
+            return Ok(None);
+        }
+        let placement = self.place(active, row);
+        if placement == Placement::Busy {
             return Ok(None);
         }
         let settings = settings_from_row(row)?;
@@ -154,43 +163,37 @@ impl RolloutWorker {
         if unacked >= i64::from(settings.max_unacknowledged_groups) || feed.bytes >= MAX_UNACKED_BYTES {
             return Ok(None);
         }
-        if !is_chat {
-            return Ok(Some(RolloutLoad::BuiltIn));
-        }
-        let Some(endpoint) = &self.endpoint else {
-            drop(conn);
-            let error = "the server has no language model for the policy chat; start it with --policy-url and --policy-model";
-            return self.pause(active, row, error.to_owned()).await;
+        let place = match placement {
+            Placement::Start(place) => place,
+            Placement::Busy => return Ok(None),
+            Placement::NoModel(error) => {
+                drop(conn);
+                self.store_error(row, error.to_owned()).await?;
+                return Ok(None);
+            }
+            Placement::ModelAway(error) => {
+                drop(conn);
+                active.backoff.pause(&row.run, row.changed_at);
+                self.store_error(row, error).await?;
+                return Ok(None);
+            }
         };
-        let health = endpoint.llm.health();
-        if health.retry_in_s.is_some_and(|left| left > 0.0) {
-            drop(conn);
-            let error =
-                format!("calls of the model are paused: {}", health.breaker_error.unwrap_or_default());
-            return self.pause(active, row, error).await;
-        }
-        // A few more episodes than concurrent calls, so that no call waits for the slowest episode of a group.
-        if active.chat_episodes() >= endpoint.llm.config().concurrency {
-            return Ok(None);
+        let kind = rollout_kind(&row.policy);
+        if kind != JobKind::RolloutChat {
+            return Ok(Some(RolloutLoad { place, kind, amount: 1 }));
         }
         let run = runs::get(&mut conn, &row.run).await?;
         let run = run.ok_or_else(|| ServiceError::UnknownRun(row.run.clone()))?;
         let episodes = from_json::<RunSettings>("a run's settings", &run.settings)?.group_size;
-        Ok(Some(RolloutLoad::Chat { episodes }))
+        Ok(Some(RolloutLoad { place, kind, amount: episodes as usize }))
     }
 
-    /// Pauses the rollouts of a run, and stores the reason.
-    async fn pause(
-        &self,
-        active: &mut ActiveGroups,
-        row: &RunPolicyRow,
-        error: String,
-    ) -> Result<Option<RolloutLoad>, ServiceError> {
-        active.backoff.pause(&row.run, row.changed_at);
+    /// Stores why no group of a run is rolled out, unless it is known.
+    async fn store_error(&self, row: &RunPolicyRow, error: String) -> Result<(), ServiceError> {
         if row.error.as_ref() != Some(&error) {
             self.lease_service.writer.change(SetPolicyError { run: row.run.clone(), error }).await?;
         }
-        Ok(None)
+        Ok(())
     }
 
     /// Starts a group of a run.
@@ -205,7 +208,7 @@ impl RolloutWorker {
             .parse()
             .map_err(|error: store::ids::InvalidId| ServiceError::invalid("run", error.to_string()))?;
         let worker = self.clone();
-        let job = active.jobs.spawn(async move { worker.roll_out_group(run).await });
+        let job = active.jobs.spawn(async move { worker.roll_out_group(run, load.place).await });
         let group = ActiveGroup { run: row.run.clone(), policy_set_at: row.changed_at, load };
         active.by_job.insert(job.id(), group);
         Ok(())
@@ -213,17 +216,10 @@ impl RolloutWorker {
 }
 
 impl ActiveGroups {
-    fn built_in_groups(&self) -> usize {
-        self.by_job.values().filter(|group| group.load == RolloutLoad::BuiltIn).count()
-    }
-
-    /// Returns the number of episodes that call the language model.
-    fn chat_episodes(&self) -> usize {
-        let episodes = |group: &ActiveGroup| match group.load {
-            RolloutLoad::BuiltIn => 0,
-            RolloutLoad::Chat { episodes } => episodes as usize,
-        };
-        self.by_job.values().map(episodes).sum()
+    /// Returns the load of all groups of a kind at a place.
+    fn load(&self, place: RolloutPlace, kind: JobKind) -> usize {
+        let loads = self.by_job.values().map(|group| group.load);
+        loads.filter(|load| load.place == place && load.kind == kind).map(|load| load.amount).sum()
     }
 
     fn groups_of(&self, run: &str) -> i64 {

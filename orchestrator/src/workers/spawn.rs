@@ -6,9 +6,11 @@ use std::sync::Arc;
 use clock::Clock;
 use futures_util::FutureExt;
 use futures_util::future::BoxFuture;
+use job_queue::nats::server::RolloutQueue;
 use job_queue::status::QueueNotice;
 use policy_files::PolicyFolder;
 use rayon::{ThreadPool, ThreadPoolBuildError};
+use rollout::{Endpoint, PolicySources};
 use tokio::sync::mpsc::UnboundedReceiver;
 use tokio::sync::watch;
 use tokio::task::JoinSet;
@@ -27,7 +29,6 @@ use crate::designs::Designers;
 use crate::engine::signals::WorkerSignals;
 use crate::leases::lease_service::LeaseService;
 use crate::retention::archived::ArchivedRetention;
-use crate::rollouts::Endpoint;
 use crate::sessions::SessionManager;
 use crate::threads::{self, ThreadPriority};
 
@@ -56,10 +57,19 @@ pub struct WorkerConfig {
     pub alerts: AlertSettings,
     /// Folder of the database, whose free space is watched.
     pub folder: PathBuf,
-    /// Notices of workers on other machines, if they are configured.
-    pub notices: Option<UnboundedReceiver<QueueNotice>>,
+    /// Workers on other machines, if they are configured.
+    pub remote: Option<RemoteQueue>,
     /// Where trajectory feeds are published, if NATS is configured.
     pub feeds: Option<FeedServer>,
+}
+
+/// Workers on other machines, as the workers of a service use them.
+#[derive(Debug)]
+pub struct RemoteQueue {
+    /// Notices about the workers.
+    pub notices: UnboundedReceiver<QueueNotice>,
+    /// Rollouts by the workers.
+    pub rollouts: RolloutQueue,
 }
 
 impl WorkerConfig {
@@ -88,7 +98,7 @@ impl WorkerConfig {
             sessions,
             designers,
             archived_retention,
-            notices,
+            remote,
             ..
         } = self;
         let LeaseService { writer, readers, .. } = &lease_service;
@@ -133,7 +143,7 @@ impl WorkerConfig {
         ];
         jobs.extend(archived.map(|worker| worker.run().boxed()));
         jobs.extend(
-            notices.map(|notices| remote_workers::run(readers.clone(), writer.clone(), notices).boxed()),
+            remote.map(|remote| remote_workers::run(readers.clone(), writer.clone(), remote.notices).boxed()),
         );
         jobs.extend(feeds.map(|worker| worker.run().boxed()));
         Ok(jobs)
@@ -169,9 +179,10 @@ impl WorkerConfig {
             readers: self.lease_service.readers.clone(),
             clock: self.clock.clone(),
             wake: Arc::clone(&self.signals.rollout),
-            endpoint: self.endpoint.clone(),
-            policy_folder: self.policy_folder.clone(),
+            policies: PolicySources { endpoint: self.endpoint.clone(), folder: self.policy_folder.clone() },
             pool: background_pool("rollout")?,
+            permits: RolloutWorker::group_permits(),
+            remote: self.remote.as_ref().map(|remote| remote.rollouts.clone()),
         };
         let evaluator = EvaluationWorker {
             readers: self.lease_service.readers.clone(),

@@ -12,6 +12,7 @@ use std::collections::HashMap;
 use async_nats::jetstream::{self, Context};
 use futures_util::TryStreamExt;
 
+pub(crate) use self::run_states::follow_run_states;
 pub use self::run_states::{PublishedRunState, RunStateBucket};
 pub use self::stream::{FeedMessage, FeedStream};
 use super::connection::{Connection, NatsConfig, NatsError};

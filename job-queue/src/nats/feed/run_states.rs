@@ -1,10 +1,10 @@
-//! States of runs in a key-value bucket, for programs that watch them.
+//! States of runs in a key-value bucket, for programs that watch them, such as workers with rollouts.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use async_nats::jetstream::Context;
-use async_nats::jetstream::kv::{Config, Operation, Store};
+use async_nats::jetstream::kv::{Config, Entry, Operation, Store};
 use futures_util::StreamExt;
 use serde::{Deserialize, Serialize};
 
@@ -118,13 +118,40 @@ async fn read_states(store: &Store) -> Result<BTreeMap<String, PublishedRunState
     let mut entries = store.watch_with_history(">").await.map_err(|error| failed(&error))?;
     while let Some(entry) = entries.next().await {
         let entry = entry.map_err(|error| failed(&error))?;
-        let run = entry.key.strip_prefix(KEY_PREFIX).filter(|_| entry.operation == Operation::Put);
         // A value of another form is written again.
-        let state = serde_json::from_slice(&entry.value).ok();
-        known.extend(run.map(str::to_owned).zip(state));
+        known.extend(run_of(&entry).zip(state_of(&entry)));
         if entry.seen_current {
             break;
         }
     }
     Ok(known)
+}
+
+/// Passes the states of all runs to `note`, and then every change; `None` for a run that is gone. It returns only with an error.
+pub(crate) async fn follow_run_states(
+    context: &Context,
+    cluster: &ClusterName,
+    note: impl Fn(String, Option<PublishedRunState>),
+) -> Result<(), NatsError> {
+    let failed =
+        |error: &dyn std::fmt::Display| NatsError::new("the states of runs cannot be followed", error);
+    let store = context.get_key_value(cluster.run_states_bucket()).await.map_err(|error| failed(&error))?;
+    let mut entries = store.watch_with_history(">").await.map_err(|error| failed(&error))?;
+    while let Some(entry) = entries.next().await {
+        let entry = entry.map_err(|error| failed(&error))?;
+        if let Some(run) = run_of(&entry) {
+            note(run, state_of(&entry));
+        }
+    }
+    Err(NatsError("the states of runs ended".to_owned()))
+}
+
+/// Returns the run of an entry; `None` if its key is no run's.
+fn run_of(entry: &Entry) -> Option<String> {
+    entry.key.strip_prefix(KEY_PREFIX).map(str::to_owned)
+}
+
+/// Returns the state of an entry; `None` if it was deleted or has another form.
+fn state_of(entry: &Entry) -> Option<PublishedRunState> {
+    if entry.operation == Operation::Put { serde_json::from_slice(&entry.value).ok() } else { None }
 }

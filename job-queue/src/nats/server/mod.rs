@@ -1,11 +1,13 @@
 //! Server side: jobs go to workers if that pays, and are done here if no worker can do them.
 //!
 //! [`NatsQueue`] decides for each job. `session` holds the connection to NATS, `pending` the jobs without a result, `registry` the
-//! workers, `costs` the estimates by which cheap jobs stay here, and `verify` the trust in workers.
+//! workers, `costs` the estimates by which cheap jobs stay here, `verify` the trust in workers, and `rollouts` the groups that workers
+//! roll out.
 
 mod costs;
 mod pending;
 mod registry;
+mod rollouts;
 mod session;
 mod verify;
 
@@ -20,7 +22,7 @@ use futures_util::FutureExt;
 use futures_util::future::{BoxFuture, join_all};
 use jobs::envelope::{JobAddress, JobEnvelope, JobId, JobReply};
 use jobs::world_version::world_version;
-use jobs::{JobOutput, JobPayload};
+use jobs::{JobKind, JobOutput, JobPayload};
 use parking_lot::Mutex;
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
 use tokio::task::JoinHandle;
@@ -28,10 +30,11 @@ use tokio::task::JoinHandle;
 use self::costs::CostEstimates;
 use self::pending::{PendingJobs, RemoteEnd, RemoteReply, SentJob};
 use self::registry::{UnverifiedJob, WorkerRegistry};
+pub use self::rollouts::{RemoteRollout, RemoteRolloutError, RolloutQueue};
 use self::verify::ItemsToVerify;
 use super::connection::NatsConfig;
 use super::names::subject_word;
-use super::objects::{OBJECT_HEADER, ObjectBucket};
+use super::objects::{OBJECT_HEADER, ObjectBucket, ObjectGuard};
 use crate::local::{LocalQueue, TimedOutput};
 use crate::queue::{CompletedJob, JobError, JobQueue, Receipt};
 use crate::status::{QueueCounters, QueueNotice, QueueStatus, WrongResult};
@@ -136,6 +139,12 @@ impl NatsQueue {
         let session = tokio::spawn(session::run(Arc::clone(&shared), due));
         (Self { shared, session }, noticed)
     }
+
+    /// Returns the rollouts of the queue. They need the queue.
+    #[must_use]
+    pub fn rollouts(&self) -> RolloutQueue {
+        RolloutQueue(Arc::clone(&self.shared))
+    }
 }
 
 impl Drop for NatsQueue {
@@ -194,7 +203,7 @@ impl Shared {
             }
         }
         // Proposals of a job share its time limit, so they stay together.
-        let is_divisible = job.kind() != jobs::JobKind::Prepare;
+        let is_divisible = job.kind() != JobKind::Prepare;
         Some(if is_divisible { job.len().div_ceil(slots).clamp(1, MAX_ITEMS_SENT) } else { job.len() })
     }
 
@@ -214,7 +223,7 @@ impl Shared {
     /// Computes a job on threads of this process, and notes its cost.
     async fn compute(&self, job: Arc<JobPayload>) -> Result<JobOutput, JobError> {
         let TimedOutput { output, duration } = self.local.run_timed(Arc::clone(&job)).await?;
-        self.costs.add(&job, self.local.threads(job.kind()), duration);
+        self.costs.add(&job, self.local.threads(&job), duration);
         Ok(output)
     }
 
@@ -227,7 +236,7 @@ impl Shared {
         let body = job.encode().ok()?;
         let sent = self.pending.insert(job.kind());
         let guard = PendingGuard { shared: self, id: sent.id };
-        let end = self.send(&publisher, job, body, sent).await;
+        let end = self.send(&publisher, job.kind(), body, sent).await;
         drop(guard);
         match end {
             Some(RemoteEnd::Reply(reply)) => self.take_reply(job, *reply).await,
@@ -242,18 +251,18 @@ impl Shared {
     async fn send(
         &self,
         publisher: &Publisher,
-        job: &JobPayload,
+        kind: JobKind,
         body: Vec<u8>,
         sent: SentJob,
     ) -> Option<RemoteEnd> {
         let SentJob { id, token, end } = sent;
         let server = self.config.server.as_str();
-        let address = JobAddress { world: self.world, server, kind: job.kind(), id, token };
+        let address = JobAddress { world: self.world, server, kind, id, token };
         let message = JobEnvelope::write(address, body).ok()?;
         let bytes = message.len() as u64;
         let mut headers = HeaderMap::new();
         headers.insert(async_nats::header::NATS_MESSAGE_ID, id.to_string());
-        let subject = self.config.nats.cluster.jobs(job.kind(), server);
+        let subject = self.config.nats.cluster.jobs(kind, server);
         let object = format!("job-{id}");
         let payload = publisher.objects.wrap(&object, message, &mut headers).await.ok()?;
         // It is deleted with the job, also if nothing waits for the job any more.
@@ -282,6 +291,11 @@ impl Shared {
             JobReply::Failed(reason) | JobReply::Refused(reason) => {
                 tracing::warn!(worker, reason, "A worker could not do a job; the server does it itself.");
                 self.registry.lock().count_error(&worker);
+                self.acknowledge(acker);
+                return None;
+            }
+            // No policy has a part in these jobs.
+            JobReply::Superseded => {
                 self.acknowledge(acker);
                 return None;
             }
@@ -323,9 +337,13 @@ impl Shared {
         });
         let unverified = UnverifiedJob { job: Arc::clone(job), output: output.clone(), bytes };
         self.registry.lock().count_job(&worker, unverified);
+        Some(Ok(CompletedJob { output, receipt: self.receipt(acker) }))
+    }
+
+    /// Receipt that acknowledges a result.
+    fn receipt(&self, acker: Acker) -> Receipt {
         let acknowledgements = self.acknowledgements.clone();
-        let receipt = Receipt::new(move || drop(acknowledgements.send(acker)));
-        Some(Ok(CompletedJob { output, receipt }))
+        Receipt::new(move || drop(acknowledgements.send(acker)))
     }
 
     /// Acknowledges a result that is not used.
@@ -363,28 +381,6 @@ struct PendingGuard<'a> {
 impl Drop for PendingGuard<'_> {
     fn drop(&mut self) {
         self.shared.pending.remove(self.id);
-    }
-}
-
-/// Deletes an object of a job when it is dropped.
-struct ObjectGuard {
-    objects: ObjectBucket,
-    name: String,
-}
-
-impl ObjectGuard {
-    fn new(objects: &ObjectBucket, name: String) -> Self {
-        Self { objects: objects.clone(), name }
-    }
-}
-
-impl Drop for ObjectGuard {
-    fn drop(&mut self) {
-        let (objects, name) = (self.objects.clone(), std::mem::take(&mut self.name));
-        // A bucket deletes old objects itself, if NATS is away now.
-        if let Ok(runtime) = tokio::runtime::Handle::try_current() {
-            drop(runtime.spawn(async move { objects.delete(&name).await }));
-        }
     }
 }
 

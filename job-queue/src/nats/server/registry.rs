@@ -183,6 +183,12 @@ impl WorkerRegistry {
         active.map(|record| record.heartbeat.concurrency as usize).sum()
     }
 
+    /// Number of calls of language models that the active workers make at once for rollouts.
+    pub(super) fn chat_calls(&self) -> usize {
+        let active = self.active().filter(|record| record.kinds.contains(&JobKind::RolloutChat));
+        active.map(|record| record.heartbeat.chat_calls as usize).sum()
+    }
+
     /// Kinds of jobs that active workers take.
     pub(super) fn served_kinds(&self) -> BTreeSet<JobKind> {
         self.active().flat_map(|record| record.kinds.iter().copied()).collect()
@@ -217,6 +223,13 @@ impl WorkerRegistry {
         if let Some(record) = self.workers.get_mut(worker) {
             record.jobs += 1;
             record.unverified.push_back(unverified);
+        }
+    }
+
+    /// Counts a group that was rolled out.
+    pub(super) fn count_rollout(&mut self, worker: &str) {
+        if let Some(record) = self.workers.get_mut(worker) {
+            record.jobs += 1;
         }
     }
 
@@ -300,6 +313,7 @@ mod tests {
             world: world.to_owned(),
             kinds: vec!["audit".to_owned(), "later".to_owned()],
             concurrency: 4,
+            chat_calls: 0,
             active: vec![JobId { epoch: 1, number: 2 }],
             is_waiting: false,
             is_leaving: false,

@@ -95,6 +95,7 @@ async fn beat(client: Client, url: String, id: &'static str) {
         world: world_version().to_owned(),
         kinds: vec!["audit".to_owned()],
         concurrency: 64,
+        chat_calls: 0,
         active: Vec::new(),
         is_waiting: false,
         is_leaving: false,

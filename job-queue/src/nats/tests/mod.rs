@@ -83,6 +83,7 @@ impl TestWorker {
             host: host.to_owned(),
             kinds: JobKind::ALL.into_iter().collect::<BTreeSet<_>>(),
             concurrency: 2,
+            policies: rollout::PolicySources::default(),
         };
         let (stop, stopped) = watch::channel(false);
         let runtime =

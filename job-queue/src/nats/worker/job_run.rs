@@ -11,7 +11,7 @@ use jobs::envelope::{JobEnvelope, JobReply, ReplyBody, ResultEnvelope};
 use jobs::{JobContext, JobPayload};
 use tokio::sync::oneshot;
 
-use super::WorkerProcess;
+use super::{WorkerProcess, rollout_run};
 use crate::nats::streams::{self, JOB_ACK_WAIT};
 
 /// Attempts to send a result. After them the job is delivered to another worker.
@@ -96,13 +96,16 @@ impl HeldJob {
         tokio::time::timeout(SEND_TIMEOUT, sent).await.is_ok_and(|sent| sent.is_some())
     }
 
-    /// Computes the reply on the worker's threads; `None` if they have ended.
+    /// Computes the reply, pure jobs on the worker's threads; `None` if they have ended.
     async fn compute(&self) -> Option<JobReply> {
         let JobEnvelope { kind, world, .. } = &self.job.envelope;
         if *world != self.state.world {
             let reason =
                 format!("the job is of the worlds {world}, this worker computes {}", self.state.world);
             return Some(JobReply::Refused(reason));
+        }
+        if kind.is_rollout() {
+            return Some(rollout_run::roll_out(&self.state, &self.job.envelope).await);
         }
         let job = match JobPayload::decode(*kind, self.job.envelope.body()) {
             Ok(job) => job,

@@ -1,9 +1,12 @@
 //! Worker side: takes jobs from NATS, does them on threads of this process, and sends the results back.
 //!
 //! A worker takes jobs only after a server has welcomed it. It ends with an error if a server refuses or expels it, and connects again
-//! by itself if NATS is away. `takers` has the loops that take jobs, `job_run` does one job.
+//! by itself if NATS is away. `takers` has the loops that take jobs, `job_run` does one job, `rollout_run` a rollout, and `run_versions`
+//! knows which rollouts are not wanted any more.
 
 mod job_run;
+mod rollout_run;
+mod run_versions;
 mod takers;
 
 use std::collections::BTreeSet;
@@ -18,9 +21,11 @@ use jobs::prepare::unsolvable::UnsolvableParams;
 use jobs::world_version::world_version;
 use parking_lot::Mutex;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
+use rollout::PolicySources;
 use tokio::sync::{Semaphore, watch};
 use tokio::task::JoinSet;
 
+use self::run_versions::RunVersions;
 use super::connection::{Connection, NatsConfig, NatsError};
 use super::membership::{self, ControlMessage, Heartbeat};
 use super::names::subject_word;
@@ -45,6 +50,15 @@ pub struct WorkerConfig {
     pub kinds: BTreeSet<JobKind>,
     /// Number of jobs to do at once.
     pub concurrency: usize,
+    /// Policies that it can roll out, besides the built-in ones.
+    pub policies: PolicySources,
+}
+
+impl WorkerConfig {
+    /// Number of calls of the language model that rollouts make at once; 0 without a model.
+    fn chat_calls(&self) -> usize {
+        self.policies.endpoint.as_ref().map_or(0, |endpoint| endpoint.llm.config().concurrency)
+    }
 }
 
 /// Reason why a worker ends.
@@ -76,6 +90,9 @@ pub(super) struct WorkerProcess {
     active: Mutex<BTreeSet<JobId>>,
     /// One permit for each job that may run.
     permits: Arc<Semaphore>,
+    /// One permit for each call of the language model.
+    chat_calls: Arc<Semaphore>,
+    run_versions: RunVersions,
 }
 
 /// Runs a worker until `stop` becomes true.
@@ -102,8 +119,17 @@ pub(super) async fn run_in_world(
         .build()?;
     let id = format!("{}-{:06x}", subject_word(&config.host), rand::random::<u32>() & 0x00ff_ffff);
     let permits = Arc::new(Semaphore::new(concurrency));
-    let (unsolvable, active) = (UnsolvableParams::default(), Mutex::default());
-    let state = Arc::new(WorkerProcess { config, id, world, pool, unsolvable, active, permits });
+    let state = Arc::new(WorkerProcess {
+        id,
+        world,
+        pool,
+        unsolvable: UnsolvableParams::default(),
+        active: Mutex::default(),
+        permits,
+        chat_calls: Arc::new(Semaphore::new(config.chat_calls())),
+        run_versions: RunVersions::default(),
+        config,
+    });
     tracing::info!(id = state.id, world, concurrency, "The worker started.");
     let mut is_away = false;
     loop {
@@ -242,6 +268,7 @@ async fn send_heartbeat(state: &WorkerProcess, client: &Client, phase: WorkerPha
         world: (*world).to_owned(),
         kinds: config.kinds.iter().map(ToString::to_string).collect(),
         concurrency: u32::try_from(config.concurrency.max(1)).unwrap_or(u32::MAX),
+        chat_calls: u32::try_from(config.chat_calls()).unwrap_or(u32::MAX),
         active: active.lock().iter().copied().collect(),
         is_waiting: phase == WorkerPhase::Waiting,
         is_leaving: phase == WorkerPhase::Leaving,

@@ -32,17 +32,31 @@ pub(super) fn spawn(state: &Arc<WorkerProcess>, context: &Context, takers: &mut 
             }
         });
     }
+    if state.config.kinds.iter().any(|kind| kind.is_rollout()) {
+        let (state, context) = (Arc::clone(state), context.clone());
+        takers.spawn(async move {
+            match state.run_versions.follow(&context, &state.config.nats.cluster).await {}
+        });
+    }
 }
 
-/// Takes jobs of a kind. One job waits for a free thread while the others run.
+/// Takes jobs of a kind. One job waits for a free thread while the others run. Conversations need no thread: such a job is taken once a
+/// call of the model is free, and is left to other workers until then.
 async fn take_jobs(state: &Arc<WorkerProcess>, context: &Context, kind: JobKind) -> Result<(), NatsError> {
     let cluster = &state.config.nats.cluster;
     let consumer = streams::jobs_consumer(context, cluster, kind).await?;
     let objects = streams::job_objects(context, cluster);
     loop {
+        let call = match kind {
+            JobKind::RolloutChat => Some(Arc::clone(&state.chat_calls).acquire_owned().await),
+            _ => None,
+        };
         let Some(received) = next_job(&consumer, &objects).await? else { continue };
         let held = HeldJob::new(Arc::clone(state), received);
-        let permit = held.wait_for(Arc::clone(&state.permits).acquire_owned()).await;
+        let permit = match call {
+            Some(call) => call,
+            None => held.wait_for(Arc::clone(&state.permits).acquire_owned()).await,
+        };
         let Ok(permit) = permit else { return Ok(()) };
         let context = context.clone();
         tokio::spawn(async move {

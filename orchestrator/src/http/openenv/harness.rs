@@ -7,6 +7,7 @@ use axum::response::Response;
 use clock::Millis;
 use env_core::text::{MAX_QUOTED_CHARS, shorten};
 use llm_policy::{ActionCodec, ChatPolicy, ChatSettings, ObservationFormat, TaskPrompt};
+use rollout::Endpoint;
 use serde_json::{Map, Value, json};
 
 use super::super::socket::{
@@ -18,7 +19,6 @@ use super::harness_turn::{HarnessTurn, TurnEvent, harness_event};
 use super::socket::{capacity_error, error_frame, summarize};
 use super::tasks::{RESET_ORDER, built_in_task};
 use crate::http::state::AppState;
-use crate::rollouts::Endpoint;
 use crate::sessions::{ClientIdentity, Session};
 
 /// Name of the harness in `session_started`.

@@ -1,17 +1,17 @@
 //! Rolls out one group: leases it, runs its episodes, replays them, and pushes the group to the feed.
 
-use std::panic::AssertUnwindSafe;
 use std::sync::Arc;
 use std::time::Duration;
 
-use futures_util::future::join_all;
-use policy_files::{PolicyFileError, PolicyReference};
-use rayon::prelude::*;
+use api_types::TrajectoryMetrics;
+use job_queue::Receipt;
+use job_queue::nats::server::{RemoteRollout, RemoteRolloutError, RolloutQueue};
+use rollout::{RolledOutGroup, RolloutJob, RolloutPolicy};
 use store::ids::{LeaseId, RunId};
-use store::run_policies::RunPolicy;
-use tokio::sync::oneshot;
+use store::run_policies;
 
 use super::RolloutWorker;
+use super::placement::RolloutPlace;
 use crate::engine::error::ServiceError;
 use crate::leases::renew::RenewLease;
 use crate::metrics;
@@ -20,15 +20,18 @@ use crate::results::audit::CompletedAudit;
 use crate::results::report::StoreResults;
 use crate::rollouts::group_record::GroupRecord;
 use crate::rollouts::push::{ModelUsage, PushGroup};
-use crate::rollouts::rollout_lease::{ROLLOUT_TTL_S, ReturnRolloutLease};
-use crate::rollouts::run_episode::{RolloutOutcome, roll_out_chat, roll_out_policy};
+use crate::rollouts::rollout_lease::{ROLLOUT_TTL_S, ReturnRolloutLease, WithdrawRolloutLease};
 use crate::rollouts::settings::SetPolicyError;
-use crate::rollouts::{RecordingBudget, RolloutError, RolloutGroup};
+use crate::rollouts::{RolloutError, RolloutGroup};
 
 /// Maximum number of retries of storing a group while the server is busy or the database is locked: one minute.
 const MAX_STORE_RETRIES: u32 = 240;
 /// Pause between two tries of storing a group.
 const STORE_RETRY_PAUSE: Duration = Duration::from_millis(250);
+/// Maximum number of workers that try to roll out a group that the server cannot roll out itself.
+const MAX_REMOTE_ATTEMPTS: usize = 3;
+/// Pause between two of these workers.
+const REMOTE_RETRY_PAUSE: Duration = Duration::from_secs(1);
 
 /// Success or failure of rolling out a group, which sets the backoff of its run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,7 +44,7 @@ pub(super) enum GroupRolloutStatus {
 
 impl RolloutWorker {
     /// Leases a group of a run, rolls it out and pushes it.
-    pub(super) async fn roll_out_group(&self, run: RunId) -> GroupRolloutStatus {
+    pub(super) async fn roll_out_group(&self, run: RunId, place: RolloutPlace) -> GroupRolloutStatus {
         let _busy = metrics::BusyGuard::new("rollout");
         let rollout_lease = match self.lease_service.lease_for_rollout(&run).await {
             Ok(rollout_lease) => rollout_lease,
@@ -57,11 +60,22 @@ impl RolloutWorker {
         let lease = rollout_lease.lease.clone();
         let rollout = async {
             let group = RolloutGroup::load(&self.lease_service, run.clone(), rollout_lease).await?;
-            self.roll_out_and_push(Arc::new(group)).await
+            self.roll_out_and_push(Arc::new(group), place).await
         };
         match rollout.await {
             Ok(0) => GroupRolloutStatus::Failed,
             Ok(_) | Err(RolloutError::Service(ServiceError::Stopping)) => GroupRolloutStatus::Succeeded,
+            Err(RolloutError::Superseded) => {
+                tracing::debug!(%run, %lease, "The policy changed; the scenario is offered again.");
+                self.withdraw_lease(lease).await;
+                GroupRolloutStatus::Succeeded
+            }
+            Err(error @ RolloutError::NoWorker(_)) => {
+                tracing::warn!(%run, %lease, %error, "A group was not rolled out; its scenario is offered again.");
+                self.set_error(&run, error.to_string()).await;
+                self.withdraw_lease(lease).await;
+                GroupRolloutStatus::Failed
+            }
             Err(error) => {
                 tracing::warn!(%run, %lease, %error, "A group could not be rolled out; its lease is returned.");
                 self.set_error(&run, format!("a group could not be rolled out: {error}")).await;
@@ -72,23 +86,28 @@ impl RolloutWorker {
     }
 
     /// Rolls out a group, replays it, and pushes it to the feed. Returns the number of episodes that finished.
-    async fn roll_out_and_push(&self, group: Arc<RolloutGroup>) -> Result<usize, RolloutError> {
-        let budget = Arc::new(group.recording_budget());
-        let outcomes = tokio::select! {
-            outcomes = self.roll_out_episodes(&group, &budget) => outcomes?,
+    async fn roll_out_and_push(
+        &self,
+        group: Arc<RolloutGroup>,
+        place: RolloutPlace,
+    ) -> Result<usize, RolloutError> {
+        let RemoteRollout { group: rolled_out, receipt: rollout_receipt } = tokio::select! {
+            rolled_out = self.roll_out_episodes(&group, place) => rolled_out?,
             never = self.keep_renewing(&group) => match never {},
         };
+        let outcomes = &rolled_out.outcomes;
         let error = outcomes.iter().find_map(|outcome| outcome.episode.as_ref().err().cloned());
         let lost = outcomes.iter().filter(|outcome| outcome.episode.is_err()).count();
         let finished = outcomes.len() - lost;
-        let usage = self.usage(&outcomes);
-        let audit = self.lease_service.replay_results(&group.run, group.to_reports(&outcomes)?).await?;
-        let CompletedAudit { report, receipt } = audit;
+        let usage = usage(&rolled_out);
+        let audit = self.lease_service.replay_results(&group.run, group.to_reports(outcomes)?).await?;
+        let CompletedAudit { report, mut receipt } = audit;
+        receipt.merge(rollout_receipt);
         let (run, lease) = (group.run.clone(), group.lease.clone());
         let policy_version = group.policy.version;
         let audited = report.episodes.clone();
         let packing = tokio::task::spawn_blocking(move || -> Result<_, RolloutError> {
-            let trajectory = group.to_trajectory(outcomes, &audited, &budget)?;
+            let trajectory = group.to_trajectory(rolled_out, &audited)?;
             Ok(trajectory.map(GroupRecord::pack).transpose()?)
         });
         let packed = packing.await.map_err(|error| RolloutError::Failed(error.to_string()))??;
@@ -118,37 +137,65 @@ impl RolloutWorker {
         }
     }
 
-    /// Rolls out all episodes of a group: chat episodes concurrently, those of other policies on the worker's threads.
+    /// Rolls out all episodes of a group at a place. The server does what no worker did, if it has the policy.
     async fn roll_out_episodes(
         &self,
         group: &Arc<RolloutGroup>,
-        budget: &Arc<RecordingBudget>,
-    ) -> Result<Vec<RolloutOutcome>, RolloutError> {
-        if group.policy.policy == RunPolicy::Chat {
-            let Some(endpoint) = &self.endpoint else {
-                return Err(RolloutError::Failed("there is no language model".to_owned()));
-            };
-            let episode =
-                |_| roll_out_chat(group.run.as_str(), &group.scenario, endpoint, &group.settings, budget);
-            return Ok(join_all((0..group.size()).map(episode)).await);
+        place: RolloutPlace,
+    ) -> Result<RemoteRollout, RolloutError> {
+        let (loaded, folder) = (Arc::clone(group), self.policies.folder.clone());
+        // The file is read, which takes too long for a thread of the runtime.
+        let job = tokio::task::spawn_blocking(move || loaded.to_job(&folder)).await;
+        let job = Arc::new(job.map_err(|error| RolloutError::Failed(error.to_string()))??);
+        if place == RolloutPlace::Worker
+            && let Some(remote) = &self.remote
+            && let Some(rolled_out) = self.roll_out_remotely(remote, group, &job).await?
+        {
+            return Ok(rolled_out);
         }
-        let (sender, receiver) = oneshot::channel();
-        let (group, budget, folder) = (Arc::clone(group), Arc::clone(budget), self.policy_folder.clone());
-        self.pool.spawn(move || {
-            let episodes = || -> Result<Vec<RolloutOutcome>, PolicyFileError> {
-                let policy = folder.open(&PolicyReference::parse(group.policy.policy.as_str()))?;
-                let episode =
-                    |index| roll_out_policy(&group.scenario, &*policy, group.policy_seed(index), &budget);
-                Ok((0..group.size()).into_par_iter().map(episode).collect())
+        let is_chat = matches!(job.policy, RolloutPolicy::Chat(_));
+        // A closed semaphore has no permits; this one is never closed.
+        let _permit = if is_chat { None } else { self.permits.acquire().await.ok() };
+        let rolled_out = self.policies.roll_out(&job, &self.pool).await;
+        let group = rolled_out.map_err(|error| RolloutError::Failed(error.to_string()))?;
+        Ok(RemoteRollout { group, receipt: Receipt::default() })
+    }
+
+    /// Lets workers roll out a group. `None` if the server has to roll it out itself.
+    async fn roll_out_remotely(
+        &self,
+        remote: &RolloutQueue,
+        group: &RolloutGroup,
+        job: &RolloutJob,
+    ) -> Result<Option<RemoteRollout>, RolloutError> {
+        let is_possible_here =
+            self.policies.endpoint.is_some() || !matches!(job.policy, RolloutPolicy::Chat(_));
+        let mut attempt = 1;
+        loop {
+            let error = match remote.roll_out(job).await {
+                Ok(rolled_out) => return Ok(Some(rolled_out)),
+                Err(error) => error,
             };
-            // A policy that panics loses its own group, and no other.
-            if let Ok(outcomes) = std::panic::catch_unwind(AssertUnwindSafe(episodes)) {
-                // The receiver is gone if the service stops.
-                drop(sender.send(outcomes));
+            if matches!(error, RemoteRolloutError::Superseded) && self.is_superseded(group).await? {
+                return Err(RolloutError::Superseded);
             }
-        });
-        let outcomes = receiver.await.map_err(|_| RolloutError::Failed("a policy panicked".to_owned()))?;
-        outcomes.map_err(|error| RolloutError::Failed(error.to_string()))
+            tracing::debug!(lease = %group.lease, %error, "No worker rolled out a group.");
+            if is_possible_here {
+                return Ok(None);
+            }
+            if attempt >= MAX_REMOTE_ATTEMPTS {
+                return Err(RolloutError::NoWorker(error.to_string()));
+            }
+            attempt += 1;
+            tokio::time::sleep(REMOTE_RETRY_PAUSE).await;
+        }
+    }
+
+    /// Returns true if the policy of a group has a newer version: the database decides.
+    async fn is_superseded(&self, group: &RolloutGroup) -> Result<bool, ServiceError> {
+        let mut conn = self.readers.acquire().await?;
+        let row = run_policies::get(&mut conn, group.run.as_str()).await?;
+        Ok(row.is_none_or(|row| row.version > group.policy.version))
     }
 
     /// Renews the lease of a group until the future is dropped.
@@ -163,15 +210,6 @@ impl RolloutWorker {
         }
     }
 
-    /// Returns the tokens and the cost of episodes; zero for a built-in policy.
-    fn usage(&self, outcomes: &[RolloutOutcome]) -> ModelUsage {
-        let Some(endpoint) = &self.endpoint else { return ModelUsage::default() };
-        let metrics = || outcomes.iter().filter_map(|outcome| outcome.metrics);
-        let tokens_in = metrics().map(|metrics| metrics.tokens_in).sum();
-        let tokens_out = metrics().map(|metrics| metrics.tokens_out).sum();
-        ModelUsage { tokens_in, tokens_out, cost: endpoint.llm.config().cost(tokens_in, tokens_out) }
-    }
-
     /// Stores why a run's policy failed.
     async fn set_error(&self, run: &RunId, error: String) {
         let change = SetPolicyError { run: run.to_string(), error };
@@ -184,5 +222,24 @@ impl RolloutWorker {
         if let Err(error) = self.lease_service.writer.change(ReturnRolloutLease(lease)).await {
             tracing::warn!(%error, "The lease of a group could not be returned; it will expire.");
         }
+    }
+
+    async fn withdraw_lease(&self, lease: LeaseId) {
+        if let Err(error) = self.lease_service.writer.change(WithdrawRolloutLease(lease)).await {
+            tracing::warn!(%error, "The lease of a group could not be returned; it will expire.");
+        }
+    }
+}
+
+/// Returns the tokens and the cost of a group; zero for a policy without a language model.
+fn usage(group: &RolledOutGroup) -> ModelUsage {
+    let metrics = || group.outcomes.iter().filter_map(|outcome| outcome.metrics);
+    let sum = |tokens: fn(&TrajectoryMetrics) -> u64| {
+        metrics().fold(0_u64, |sum, metrics| sum.saturating_add(tokens(&metrics)))
+    };
+    ModelUsage {
+        tokens_in: sum(|metrics| metrics.tokens_in),
+        tokens_out: sum(|metrics| metrics.tokens_out),
+        cost: group.cost,
     }
 }

@@ -1,6 +1,7 @@
 //! A server with workers on NATS: its database is the same with none, one or eight workers, killed or not.
 
 mod operation;
+mod rollouts;
 pub(crate) mod secure_nats;
 mod security;
 mod stored_state;

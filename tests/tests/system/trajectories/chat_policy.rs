@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use llm::{LlmClient, LlmConfig, WallClock};
-use orchestrator::rollouts::Endpoint;
 use orchestrator::service::Config;
+use rollout::Endpoint;
 use serde_json::{Value, json};
 use system_tests::Server;
 use system_tests::mock_llm::{

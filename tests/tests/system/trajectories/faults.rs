@@ -5,8 +5,8 @@ use std::time::{Duration, Instant};
 
 use clock::{Clock, ManualClock};
 use llm::{LlmClient, LlmConfig};
-use orchestrator::rollouts::Endpoint;
 use orchestrator::service::Config;
+use rollout::Endpoint;
 use serde_json::json;
 use system_tests::mock_llm::{
     API_KEY, ClosedPort, GatedEndpoint, HOLD_ACTION, chat_completion, chat_response, contains_api_key,

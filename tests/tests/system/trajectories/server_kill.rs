@@ -76,8 +76,7 @@ async fn interrupted_group_is_released_and_run_again() {
     let mock = system_tests::mock_llm::start_endpoint([slow]).await;
     let mut config = model_config(&mock.uri());
     config.timeout = std::time::Duration::from_secs(5);
-    let endpoint =
-        orchestrator::rollouts::Endpoint { llm: llm::LlmClient::new(config).unwrap(), temperature: None };
+    let endpoint = rollout::Endpoint { llm: llm::LlmClient::new(config).unwrap(), temperature: None };
     let mut server = Server::with_config(move |config| orchestrator::service::Config {
         endpoint: Some(endpoint.clone()),
         ..config

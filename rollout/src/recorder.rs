@@ -3,15 +3,16 @@
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use api_types::AgentResult;
+use env_core::frames::wire_step;
 use env_core::log::Precision;
 use env_core::policy::{Policy, PolicyError};
 use env_core::task::{AgentReport, Episode, StepReport};
 use env_core::{ActionLog, JointAction, Scenario, ScenarioError, StepError, StopReason};
+use llm_policy::{Completion, TimeStep};
+use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
-use crate::rollouts::group_record::{MAX_GROUP_BYTES, StepRecord};
-use env_core::frames::wire_step;
-use llm_policy::{Completion, TimeStep};
+use crate::step_record::{MAX_GROUP_BYTES, StepRecord};
 
 /// Memory budget of the episodes of a group together: 16 MiB of observations and 16 MiB of conversations. A group that exceeds one
 /// of them is delivered without it.
@@ -86,14 +87,42 @@ impl ByteBudget {
 }
 
 /// An episode that was rolled out.
-#[derive(Debug)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct RecordedEpisode {
     /// Steps of the episode, in order.
     pub steps: Vec<StepRecord>,
     /// Observation of the agents after the last step, in the wire form.
     pub last_observation: Option<Box<RawValue>>,
     /// Actions of the agents.
+    #[serde(with = "log_text")]
     pub log: ActionLog,
+}
+
+impl RecordedEpisode {
+    /// Returns true if the recorded actions are those of the log, which alone is replayed.
+    pub(crate) fn has_actions_of_log(&self) -> bool {
+        let of_log = self.log.steps().map(|step| Some(wire_step(&self.log, step)));
+        let of_log = of_log.chain(self.log.stopped.map(|_| None));
+        self.steps.iter().map(|step| step.action.clone()).eq(of_log)
+    }
+}
+
+/// Text of an action log: its compact form in base64.
+mod log_text {
+    use base64::Engine;
+    use base64::engine::general_purpose::STANDARD;
+    use env_core::ActionLog;
+    use serde::de::Error;
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(log: &ActionLog, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(&STANDARD.encode(log.encode()))
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<ActionLog, D::Error> {
+        let bytes = STANDARD.decode(String::deserialize(deserializer)?).map_err(Error::custom)?;
+        ActionLog::decode(&bytes).map_err(Error::custom)
+    }
 }
 
 /// An episode that is being rolled out.

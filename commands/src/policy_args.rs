@@ -1,26 +1,26 @@
-//! `--policy-…`: arguments of the policies that the server runs itself: the language model behind the policy `chat`, and the folder of
-//! policy files. No request can name another endpoint or another folder.
+//! `--policy-…`: arguments of the policies that a server or a worker rolls out: the language model behind the policy `chat`, and the
+//! folder of policy files. No request and no job can name another endpoint or another folder.
 
 use std::env::VarError;
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
-use llm::{LlmClient, LlmConfig};
-
 use clock::Clock;
-use commands::llm_args::{self, LlmArgs};
-use orchestrator::rollouts::Endpoint;
+use llm::{LlmClient, LlmConfig};
 use policy_files::PolicyFolder;
+use rollout::{Endpoint, PolicySources};
+
+use crate::llm_args::{self, LlmLimitArgs};
 
 /// Largest response in bytes if token details are requested: each token comes with its text and log-probability.
 const MAX_TOKEN_BODY_BYTES: usize = 16 << 20;
 
-/// Arguments of the policies that the server runs itself.
+/// Arguments of the policies that a server or a worker rolls out.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Policy")]
 pub struct PolicyArgs {
-    /// Base URL of the OpenAI-compatible API behind the policy `chat`, such as http://127.0.0.1:8000/v1; without it the
-    /// server rejects that policy
+    /// Base URL of the OpenAI-compatible API behind the policy `chat`, such as http://127.0.0.1:8000/v1; without it this
+    /// program does not roll out that policy
     #[arg(
         long,
         value_name = "URL",
@@ -52,12 +52,20 @@ pub struct PolicyArgs {
     #[arg(long, requires = "policy_url")]
     policy_tokens: bool,
     /// Folder with policy files (ONNX models and reflexes) that clients can evaluate and roll out by name, such as
-    /// onnx:model.onnx; files can be added and replaced while the server runs
+    /// onnx:model.onnx; files can be added and replaced at any time
     #[arg(long, value_name = "FOLDER", env = "SPARRING_POLICY_FOLDER", hide_env_values = true)]
     policy_folder: Option<PathBuf>,
 }
 
 impl PolicyArgs {
+    /// Returns the policies that these arguments name.
+    ///
+    /// # Errors
+    /// Returns an error if the settings of the endpoint are invalid, or the path is not that of a folder.
+    pub fn sources(&self, limits: &LlmLimitArgs, clock: &Clock) -> anyhow::Result<PolicySources> {
+        Ok(PolicySources { endpoint: self.endpoint(limits, clock)?, folder: self.policy_folder()? })
+    }
+
     /// Returns the folder of policy files.
     ///
     /// # Errors
@@ -74,8 +82,8 @@ impl PolicyArgs {
     ///
     /// # Errors
     /// Returns an error if the settings of the endpoint are invalid.
-    pub fn endpoint(&self, llm: &LlmArgs, clock: &Clock) -> anyhow::Result<Option<Endpoint>> {
-        let Some(config) = self.config(llm, clock, |name| std::env::var(name))? else { return Ok(None) };
+    pub fn endpoint(&self, limits: &LlmLimitArgs, clock: &Clock) -> anyhow::Result<Option<Endpoint>> {
+        let Some(config) = self.config(limits, clock, |name| std::env::var(name))? else { return Ok(None) };
         let llm = LlmClient::new(config).context("--policy-url")?;
         Ok(Some(Endpoint { llm, temperature: self.policy_temperature }))
     }
@@ -84,7 +92,7 @@ impl PolicyArgs {
     /// alone.
     fn config(
         &self,
-        llm: &LlmArgs,
+        limits: &LlmLimitArgs,
         clock: &Clock,
         read: impl Fn(&str) -> Result<String, VarError> + Copy,
     ) -> anyhow::Result<Option<LlmConfig>> {
@@ -95,7 +103,7 @@ impl PolicyArgs {
             return Ok(None);
         };
         let model = self.policy_model.as_deref().context("--policy-url needs --policy-model")?;
-        let mut config = llm.with_limits(LlmConfig::new(url, model, llm_args::wall_clock(clock)));
+        let mut config = limits.apply(LlmConfig::new(url, model, llm_args::wall_clock(clock)));
         if let Some(name) = &self.policy_key_env {
             config.key = llm_args::read_key(&[name.as_str()], read)?;
             if config.key.is_none() {
@@ -122,14 +130,14 @@ mod tests {
     #[derive(Debug, Parser)]
     struct PolicyCommand {
         #[command(flatten)]
-        llm: LlmArgs,
+        limits: LlmLimitArgs,
         #[command(flatten)]
         policy: PolicyArgs,
     }
 
     fn of(line: &str) -> anyhow::Result<Option<LlmConfig>> {
         let line = PolicyCommand::try_parse_from(format!("x {line}").split_whitespace())?;
-        line.policy.config(&line.llm, &Clock::manual(5).clock, |name| match name {
+        line.policy.config(&line.limits, &Clock::manual(5).clock, |name| match name {
             "MINE" => Ok(" me ".to_owned()),
             "EMPTY" => Ok(" ".to_owned()),
             _ => Err(VarError::NotPresent),
@@ -138,8 +146,7 @@ mod tests {
 
     #[test]
     fn policy_endpoint_follows_the_arguments() {
-        if std::env::var_os("SPARRING_POLICY_URL").is_some() || std::env::var_os("SPARRING_LLM_URL").is_some()
-        {
+        if std::env::var_os("SPARRING_POLICY_URL").is_some() {
             return; // these variables would change the arguments
         }
         assert!(of("").unwrap().is_none());

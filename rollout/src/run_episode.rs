@@ -1,18 +1,18 @@
 //! Rolls out one episode by a policy: a built-in one, one from a file, or a language model.
 
-use api_types::{PolicySettings, TrajectoryMetrics};
+use api_types::TrajectoryMetrics;
 use env_core::policy_factory::PolicyFactory;
 use env_core::{Scenario, StopReason};
-use llm::LlmError;
-
-use crate::rollouts::recorder::{EpisodeRecorder, RecordedEpisode, RecordingBudget};
-use crate::rollouts::settings::Endpoint;
+use llm::{LlmClient, LlmError};
 use llm_policy::{
     ActionCodec, ActionFailure, ChatPolicy, ChatSettings, ChatTurn, ObservationFormat, TaskPrompt,
 };
+use serde::{Deserialize, Serialize};
+
+use crate::recorder::{EpisodeRecorder, RecordedEpisode, RecordingBudget};
 
 /// Result of rolling out an episode.
-#[derive(Debug)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct RolloutOutcome {
     /// The recorded episode, or why the infrastructure lost it.
     pub episode: Result<RecordedEpisode, String>,
@@ -20,18 +20,27 @@ pub struct RolloutOutcome {
     pub metrics: Option<TrajectoryMetrics>,
 }
 
+/// An episode that a built-in policy or one from a file rolls out.
+pub(crate) struct PolicyEpisode<'a> {
+    pub(crate) scenario: &'a Scenario,
+    pub(crate) policy: &'a dyn PolicyFactory,
+    /// Seed of a stochastic policy.
+    pub(crate) seed: u64,
+    pub(crate) budget: &'a RecordingBudget,
+    /// Returns false once the result is not wanted any more.
+    pub(crate) is_wanted: &'a (dyn Fn() -> bool + Sync),
+}
+
 /// Rolls out an episode by a built-in policy or one from a file.
-#[must_use]
-pub fn roll_out_policy(
-    scenario: &Scenario,
-    policy: &dyn PolicyFactory,
-    seed: u64,
-    budget: &RecordingBudget,
-) -> RolloutOutcome {
+pub(crate) fn roll_out_policy(episode: &PolicyEpisode<'_>) -> RolloutOutcome {
+    let PolicyEpisode { scenario, policy, seed, budget, is_wanted } = *episode;
     let roll_out = || -> Result<RecordedEpisode, String> {
         let mut policy = policy.create(scenario, seed).map_err(|error| error.to_string())?;
         let mut recorder = EpisodeRecorder::start(scenario, budget).map_err(|error| error.to_string())?;
         while !recorder.is_done() {
+            if !is_wanted() {
+                return Err("the rollout was cancelled".to_owned());
+            }
             recorder.act(&mut *policy).map_err(|error| error.to_string())?;
             recorder.step(None).map_err(|error| error.to_string())?;
         }
@@ -41,39 +50,32 @@ pub fn roll_out_policy(
 }
 
 /// Rolls out an episode by a language model, in a conversation of its own.
-pub async fn roll_out_chat(
-    run: &str,
+pub(crate) async fn roll_out_chat(
     scenario: &Scenario,
-    endpoint: &Endpoint,
-    settings: &PolicySettings,
+    llm: &LlmClient,
+    settings: ChatSettings,
     budget: &RecordingBudget,
 ) -> RolloutOutcome {
     let mut metrics = TrajectoryMetrics { temperature: settings.temperature, ..TrajectoryMetrics::default() };
-    let chat = ChatSettings {
-        run: run.to_owned(),
-        history: settings.history as usize,
-        temperature: settings.temperature,
-        max_tokens: settings.max_tokens.unwrap_or(endpoint.llm.config().max_tokens),
-    };
-    let episode = converse(scenario, endpoint, chat, budget, &mut metrics).await;
+    let episode = converse(scenario, llm, settings, budget, &mut metrics).await;
     RolloutOutcome { episode, metrics: Some(metrics) }
 }
 
 /// Steps an episode by the model's actions until it is over.
 async fn converse(
     scenario: &Scenario,
-    endpoint: &Endpoint,
+    llm: &LlmClient,
     settings: ChatSettings,
     budget: &RecordingBudget,
     metrics: &mut TrajectoryMetrics,
 ) -> Result<RecordedEpisode, String> {
     let prompt = TaskPrompt::new(ActionCodec::new(scenario.task()), ObservationFormat::Compact);
-    let mut policy = ChatPolicy::new(endpoint.llm.clone(), prompt, settings);
+    let mut policy = ChatPolicy::new(llm.clone(), prompt, settings);
     let mut recorder = EpisodeRecorder::start(scenario, budget).map_err(|error| error.to_string())?;
     while !recorder.is_done() {
         let turn = policy.act(&recorder.time_step()).await.map_err(|error: LlmError| error.to_string())?;
         add_turn(metrics, &turn);
-        let refused = match TurnResult::of(&turn, endpoint.llm.is_responsive()) {
+        let refused = match TurnResult::of(&turn, llm.is_responsive()) {
             TurnResult::Action => step(&mut recorder, scenario, &turn).err(),
             TurnResult::AgentFailed(reason) => {
                 recorder.stop(reason, turn.error, turn.completions).map_err(|error| error.to_string())?;
