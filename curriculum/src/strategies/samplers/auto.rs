@@ -25,7 +25,7 @@ struct TaskChoice {
 }
 
 /// Choices by trainings with tuning seeds, one or two of each sampler and task. The evidence protocol has other seeds.
-const CHOICES: [TaskChoice; 8] = [
+const CHOICES: [TaskChoice; 9] = [
     TaskChoice {
         task: "docking/single",
         sampler: SamplerName::Staircase,
@@ -51,7 +51,16 @@ const CHOICES: [TaskChoice; 8] = [
         sampler: SamplerName::Uniform,
         reason: "no sampler was better than uniform levels with tuning seeds",
     },
-    TaskChoice { task: "tasking/scanning", sampler: SamplerName::Uniform, reason: UNTRIED },
+    TaskChoice {
+        task: "kessler/formation",
+        sampler: SamplerName::Uniform,
+        reason: "no sampler was better than uniform levels with tuning seeds",
+    },
+    TaskChoice {
+        task: "tasking/scanning",
+        sampler: SamplerName::Bandit,
+        reason: "it needed two thirds of the steps of uniform levels with tuning seeds",
+    },
     TaskChoice { task: "tasking/imaging", sampler: SamplerName::Uniform, reason: UNTRIED },
     TaskChoice { task: "tasking/constellation", sampler: SamplerName::Uniform, reason: UNTRIED },
 ];

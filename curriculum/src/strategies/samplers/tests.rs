@@ -203,7 +203,7 @@ fn auto_names_the_reason_for_each_task() {
         assert!(state.contains("because"), "{}: {state}", task.id());
         let name = match task.id() {
             DOCKING | SURVIVAL => "staircase",
-            "docking/multiagent" => "bandit",
+            "docking/multiagent" | "tasking/scanning" => "bandit",
             _ => "uniform",
         };
         assert!(state.starts_with(name), "{}: {state}", task.id());

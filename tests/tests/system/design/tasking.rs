@@ -16,7 +16,8 @@ async fn tasking_run_serves_layouts_for_its_failures() {
     let server = Server::start().await;
     let api = server.api();
     let settings = json!({
-        "id": "run", "seed": 3, "group_size": 2, "placement": false, "tasks": ["tasking/scanning"],
+        "id": "run", "seed": 3, "group_size": 2, "placement": false, "strategy": "uniform",
+        "tasks": ["tasking/scanning"],
         "task_settings": {"tasking/scanning": small_battery()},
         "design": {"designer": "procedural", "share": 1.0, "fixed_share": true, "layout_share": 1.0, "reserve": 2}
     });
