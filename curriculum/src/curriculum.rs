@@ -224,23 +224,26 @@ impl Curriculum {
         Ok(self.take_seq())
     }
 
-    /// Applies a stored event as it was applied when it was stored.
+    /// Applies a stored event as it was applied when it was stored. A proposal is made again unless that is expensive.
     ///
     /// # Errors
     /// Returns [`RestoreError::OutOfOrder`] if `seq` is not the next one, [`RestoreError::OtherProposal`] if the stored
-    /// proposal differs from the one made now, and [`RestoreError::Settings`] if stored settings are invalid. The
-    /// curriculum must then be dropped.
+    /// proposal differs from that made now, and [`RestoreError::Settings`] for invalid settings. Drop the curriculum then.
     pub fn replay_event(&mut self, seq: u64, event: &CurriculumEvent) -> Result<(), RestoreError> {
         if seq != self.next_seq {
             return Err(RestoreError::OutOfOrder { found: seq, wanted: self.next_seq });
         }
         match event {
             CurriculumEvent::Proposed(stored) => {
-                let SequencedProposal { proposal: proposed, .. } = self.propose();
-                if !proposed.is_same_decision(stored) {
+                let ctx =
+                    StrategyContext { settings: &self.settings, run_seed: self.run_seed, seq: self.next_seq };
+                let proposed = self.strategy.propose_again(&ctx);
+                if let Some(proposed) = proposed.filter(|proposed| !proposed.is_same_decision(stored)) {
                     let (stored, proposed) = (Box::new(stored.clone()), Box::new(proposed));
                     return Err(RestoreError::OtherProposal { seq, stored, proposed });
                 }
+                self.rungs.record_draw(stored);
+                self.take_seq();
             }
             CurriculumEvent::Opened(slots) => {
                 self.open_slots(slots);

@@ -43,6 +43,11 @@ impl StrategyContext<'_> {
 pub(crate) trait Strategy: StrategySnapshot + Send + Sync {
     /// Makes the next proposal.
     fn propose(&mut self, ctx: &StrategyContext<'_>) -> Proposal;
+    /// Makes the proposal of a stored event again, with the same effect on the state. `None` if that needs an expensive
+    /// computation: the stored proposal stands, and the state is as it would be.
+    fn propose_again(&mut self, ctx: &StrategyContext<'_>) -> Option<Proposal> {
+        Some(self.propose(ctx))
+    }
     /// Takes note of a slot whose value is due. By default, strategies claim no mastery and keep no evidence.
     fn open_slot(&mut self, _slot: &Slot, _ctx: &StrategyContext<'_>) {}
     /// Drops a slot that will have no value, and returns the level moves that this caused.

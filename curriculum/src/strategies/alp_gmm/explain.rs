@@ -24,7 +24,7 @@ pub(super) fn explain(strategy: &AlpGmm, settings: &Settings) -> Explanation {
 }
 
 fn describe_progress(progress: &LearningProgress, plan: &TaskPlan) -> String {
-    let Some(mixture) = &progress.mixture else {
+    let Some(mixture) = progress.mixture() else {
         return format!(
             "sampled uniformly: no mixture has been fitted to the {} outcomes so far",
             progress.seen

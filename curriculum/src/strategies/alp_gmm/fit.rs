@@ -38,13 +38,24 @@ impl MixtureFit {
         Self { points, components, rng_key, result: OnceLock::new(), is_taken: AtomicBool::new(false) }
     }
 
-    /// Result of the fit, computed now if no thread has done it. `None` if no mixture fits the points.
-    pub(super) fn mixture(&self) -> Option<Mixture> {
+    /// True if the points are enough for a mixture of the smallest number of components.
+    pub(super) fn has_enough_points(&self) -> bool {
+        self.points.len() > self.components.min as usize
+    }
+
+    /// True once a thread has computed the fit.
+    pub(super) fn is_computed(&self) -> bool {
+        self.result.get().is_some()
+    }
+
+    /// Result of the fit, computed now if no thread has done it. `None` if no mixture fits the points: a fit of enough
+    /// points always has one, because covariances have a floor.
+    pub(super) fn mixture(&self) -> Option<&Mixture> {
         let fit = || {
             let mut rng = KeyedRng::new(RngPurpose::Curriculum, self.rng_key.run_seed, self.rng_key.seq);
             Mixture::fit_best(&self.points, self.components, &mut rng)
         };
-        self.result.get_or_init(fit).clone()
+        self.result.get_or_init(fit).as_ref()
     }
 
     /// Marks the fit as handed out; true on the first call only.

@@ -228,6 +228,7 @@ impl ComponentDensity {
 #[cfg(test)]
 mod tests {
     use env_core::keyed_rng::RngPurpose;
+    use proptest::prelude::*;
 
     use super::*;
 
@@ -306,6 +307,20 @@ mod tests {
         let variance = drawn.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / 20_000.0;
         // Four standard deviations of the two estimates.
         assert!((mean - 0.4).abs() < 0.0057 && (variance - 0.04).abs() < 0.0016, "{mean} {variance}");
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(40))]
+        #[test]
+        fn enough_points_always_give_a_mixture(
+            points in proptest::collection::vec((0u8..3, 0u8..3), 21..40),
+            min in 1u32..=20,
+        ) {
+            let points: Vec<Vec<f64>> =
+                points.iter().map(|(a, b)| vec![f64::from(*a) / 2.0, f64::from(*b) / 2.0]).collect();
+            let mixture = Mixture::fit_best(&points, ComponentRange { min, max: min }, &mut test_rng());
+            prop_assert!(mixture.is_some());
+        }
     }
 
     #[test]

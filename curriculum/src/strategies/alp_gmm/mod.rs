@@ -7,10 +7,12 @@
 //! found. Rewards are success rates; scenarios need not be contested.
 //!
 //! A fit takes tens of milliseconds. It starts at one outcome and takes effect at a fixed later one. Until then any
-//! thread may compute it ([`fit::MixtureFit`]); otherwise it is computed when it is due, with the same result.
+//! thread may compute it ([`fit::MixtureFit`]); otherwise the first proposal from it computes it, with the same result.
+//! A replay of events takes the stored proposals of mixtures that are not computed, so that it computes no fit.
 
 mod explain;
 mod fit;
+mod history;
 mod mixture;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -20,6 +22,7 @@ use env_core::KeyedRng;
 use serde::{Deserialize, Serialize};
 
 use self::fit::{MixtureFit, RngKey};
+use self::history::GroupHistory;
 use self::mixture::{ComponentRange, Mixture};
 use crate::core::evidence::level_move::LevelMove;
 use crate::core::explanation::Explanation;
@@ -32,8 +35,6 @@ use crate::core::settings::{Settings, TaskPlan};
 use crate::core::shares;
 use crate::core::strategy::{BackgroundJob, Strategy, StrategyContext, StrategyState, drop_stale_tasks};
 
-/// Number of earlier groups among which the nearest is searched.
-const HISTORY: u64 = 2500;
 /// Number of outcomes between the start of a fit and the point where it takes effect.
 const FIT_DELAY: u32 = 25;
 
@@ -46,16 +47,18 @@ pub(super) struct AlpGmm {
 /// Learning progress of a task, and the mixture fitted to it.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 struct LearningProgress {
-    /// Ring buffer of the latest groups: for each, its params as fractions of the level table, then its reward.
-    history: Vec<f64>,
+    /// Latest groups, among which the nearest is searched.
+    history: GroupHistory,
     /// Latest groups on which a mixture is fitted: for each, its params as fractions, then its progress.
     window: VecDeque<Vec<f64>>,
     /// Number of outcomes so far.
     seen: u64,
     /// Number of outcomes since the last fit started.
     since: u32,
-    mixture: Option<Mixture>,
-    /// Number of fits that gave a mixture.
+    /// Fit whose mixture is in force, if any.
+    #[serde(with = "fit::shared_fit")]
+    in_force: Option<Arc<MixtureFit>>,
+    /// Number of fits that took effect.
     fits: u32,
     /// Fit in progress, if any.
     #[serde(with = "fit::shared_fit")]
@@ -75,6 +78,12 @@ impl Strategy for AlpGmm {
         let mut rng = ctx.rng();
         let plan = shares::pick_task(ctx.settings, rng.uniform());
         self.tasks.entry(plan.task.clone()).or_default().propose(ctx.settings, plan, &mut rng)
+    }
+
+    fn propose_again(&mut self, ctx: &StrategyContext<'_>) -> Option<Proposal> {
+        let plan = shares::pick_task(ctx.settings, ctx.rng().uniform());
+        let in_force = self.tasks.entry(plan.task.clone()).or_default().in_force.as_ref();
+        if in_force.is_some_and(|fit| !fit.is_computed()) { None } else { Some(self.propose(ctx)) }
     }
 
     fn observe(&mut self, outcome: &GroupOutcome, ctx: &StrategyContext<'_>) -> Vec<LevelMove> {
@@ -106,7 +115,7 @@ impl Strategy for AlpGmm {
 }
 
 impl StrategyState for AlpGmm {
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
 
     fn new(_settings: &Settings) -> Self {
         Self::default()
@@ -117,7 +126,7 @@ impl LearningProgress {
     fn propose(&self, settings: &Settings, plan: &TaskPlan, rng: &mut KeyedRng) -> Proposal {
         let scale = LevelScale::new(plan);
         let is_uniform = rng.bernoulli(settings.hyperparameters.number(&UNIFORM));
-        let mixture = self.mixture.as_ref().filter(|_| !is_uniform);
+        let mixture = if is_uniform { None } else { self.mixture() };
         let (fractions, why) = match mixture.and_then(|mixture| sample(mixture, scale.len(), rng)) {
             Some(SampledParams { fractions, progress }) => (
                 fractions,
@@ -136,6 +145,11 @@ impl LearningProgress {
         }
     }
 
+    /// Mixture in force, computed now if no thread has done it; `None` before the first fit took effect.
+    fn mixture(&self) -> Option<&Mixture> {
+        self.in_force.as_deref().and_then(MixtureFit::mixture)
+    }
+
     /// Records the reward of a group, puts a fit in force that is due, and starts the next one.
     fn observe(&mut self, ctx: &StrategyContext<'_>, fractions: &[f64], reward: f64) {
         let hyperparameters = &ctx.settings.hyperparameters;
@@ -144,9 +158,9 @@ impl LearningProgress {
         self.seen = self.seen.saturating_add(1);
         self.since = self.since.saturating_add(1);
         if self.fit.is_some() && self.since >= FIT_DELAY {
-            // A fit without a result keeps the mixture before it.
-            if let Some(mixture) = self.fit.take().and_then(|fit| fit.mixture()) {
-                self.mixture = Some(mixture);
+            // A fit of too few points keeps the mixture before it.
+            if let Some(fit) = self.fit.take().filter(|fit| fit.has_enough_points()) {
+                self.in_force = Some(fit);
                 self.fits = self.fits.saturating_add(1);
             }
         }
@@ -162,25 +176,14 @@ impl LearningProgress {
 
     /// Adds a group to the history, and its learning progress to the window.
     fn record(&mut self, fractions: &[f64], reward: f64, window: usize) {
-        let squared_distance =
-            |other: &[f64]| fractions.iter().zip(other).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
-        let stride = fractions.len() + 1;
-        let nearest = (self.history.chunks_exact(stride))
-            .min_by(|a, b| squared_distance(a).total_cmp(&squared_distance(b)));
-        if let Some(earlier_reward) = nearest.and_then(<[f64]>::last) {
+        if let Some(earlier_reward) = self.history.nearest_reward(fractions) {
             let progress = (reward - earlier_reward).abs();
             while self.window.len() >= window {
                 self.window.pop_front();
             }
             self.window.push_back(fractions.iter().copied().chain([progress]).collect());
         }
-        let at = (self.seen % HISTORY) as usize * stride;
-        let group = fractions.iter().copied().chain([reward]);
-        if at == self.history.len() {
-            self.history.extend(group);
-        } else {
-            self.history.iter_mut().skip(at).zip(group).for_each(|(old, new)| *old = new);
-        }
+        self.history.record(self.seen, fractions, reward);
     }
 }
 
