@@ -45,6 +45,7 @@ pub(super) fn search(
     if !hold.is_lost() {
         return hold.clone();
     }
+    ephemeris.prepare_search();
     let (best, best_worth) = (hold.clone(), worth(objective, hold));
     let mut search = AvoidanceSearch { objective, ephemeris, hold, best, best_worth, is_wanted };
     search.try_panel(panel);

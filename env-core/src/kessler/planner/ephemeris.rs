@@ -3,7 +3,11 @@
 //! one.
 
 mod close_approaches;
+mod proximity_grid;
 
+use std::sync::OnceLock;
+
+use self::proximity_grid::ProximityGrid;
 use crate::kessler::body_blocks::{ABSENT_BODY, ABSENT_COORDINATE};
 use crate::kessler::constants::{CONTACT_2, CONTACT_DISTANCE, EARTH_RADIUS_2, HORIZON, SIGMAS};
 use crate::kessler::kernel::{
@@ -22,6 +26,8 @@ pub(crate) struct DebrisEphemeris {
     vx: Vec<f64>,
     vy: Vec<f64>,
     pub(super) physics: Physics,
+    /// Grid for searches, if it is prepared and pays.
+    grid: OnceLock<Option<ProximityGrid>>,
 }
 
 impl DebrisEphemeris {
@@ -36,8 +42,16 @@ impl DebrisEphemeris {
         let rows = steps as usize + 1;
         let cells = || Vec::with_capacity(columns * rows);
         let velocities = || if physics.contact == ContactModel::EndOfStep { Vec::new() } else { cells() };
-        let mut ephemeris =
-            Self { columns, rows, x: cells(), y: cells(), vx: velocities(), vy: velocities(), physics };
+        let mut ephemeris = Self {
+            columns,
+            rows,
+            x: cells(),
+            y: cells(),
+            vx: velocities(),
+            vy: velocities(),
+            physics,
+            grid: OnceLock::new(),
+        };
         let mut current = DebrisColumns::with_capacity(columns);
         debris.iter().for_each(|body| current.push(*body));
         rogues.iter().for_each(|_| current.push(ABSENT_BODY));
@@ -54,6 +68,17 @@ impl DebrisEphemeris {
         ephemeris
     }
 
+    /// Prepares comparisons with nearby debris alone, which pays from about fifty trajectories on. No result depends on
+    /// it.
+    pub(in crate::kessler) fn prepare_search(&self) {
+        self.grid.get_or_init(|| ProximityGrid::new(self));
+    }
+
+    /// Grid of nearby debris, if it is prepared.
+    fn grid(&self) -> Option<&ProximityGrid> {
+        self.grid.get()?.as_ref()
+    }
+
     /// Number of columns: debris of the start and rogues.
     pub(crate) const fn len(&self) -> usize {
         self.columns
@@ -66,6 +91,11 @@ impl DebrisEphemeris {
 
     /// Returns true if any debris is closer than the square root of `limit_2` to a point after `step`.
     pub(crate) fn any_within(&self, step: usize, px: f64, py: f64, limit_2: f64) -> bool {
+        if let Some(near) = self.grid().and_then(|grid| grid.columns_near(step, px, py, limit_2)) {
+            let is_within =
+                |column: &u16| self.distance_squared_to(usize::from(*column), step, px, py) < limit_2;
+            return near.iter().any(is_within);
+        }
         let row = step * self.columns..(step + 1) * self.columns;
         let (x, y) = (&self.x[row.clone()], &self.y[row]);
         let mut any = 0u64;
@@ -81,7 +111,11 @@ impl DebrisEphemeris {
         match self.physics.contact {
             ContactModel::EndOfStep => self.any_within(step, body.x, body.y, CONTACT_2),
             ContactModel::Swept => {
-                (0..self.columns).any(|column| self.swept_distance_squared(column, step, body) < CONTACT_2)
+                let hits = |column| self.swept_distance_squared(column, step, body) < CONTACT_2;
+                match self.grid().and_then(|grid| grid.columns_passing(step, body, CONTACT_DISTANCE)) {
+                    Some(near) => near.iter().any(|&column| hits(usize::from(column))),
+                    None => (0..self.columns).any(hits),
+                }
             }
             ContactModel::Probability(_) => false,
         }

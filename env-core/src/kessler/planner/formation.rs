@@ -112,6 +112,8 @@ struct FormationSearch<'a> {
     best: [Trajectory; SATELLITES],
     best_worth: f64,
     trial: [Trajectory; SATELLITES],
+    /// Plan of the best gains and look-ahead, without an evasive maneuver.
+    without_maneuver: [Trajectory; SATELLITES],
 }
 
 /// Returns the best trajectories found. `avoidance` are those that avoidance alone gives. The search ends
@@ -126,10 +128,20 @@ pub(super) fn search(
     is_wanted: &dyn Fn() -> bool,
 ) -> [Trajectory; SATELLITES] {
     debug_assert_eq!(panels[0].len(), PANEL_SIZE);
+    ephemeris.prepare_search();
     let holds = [&panels[0][0], &panels[1][0], &panels[2][0]];
     let trial = holds.map(Trajectory::clone);
-    let mut search =
-        FormationSearch { setup, seed, ephemeris, holds, best: avoidance, best_worth: 0.0, trial };
+    let without_maneuver = trial.clone();
+    let mut search = FormationSearch {
+        setup,
+        seed,
+        ephemeris,
+        holds,
+        best: avoidance,
+        best_worth: 0.0,
+        trial,
+        without_maneuver,
+    };
     search.best_worth = search.worth_of(&search.best);
     let mut best_gains = FormationGains::DEFAULT;
     let mut best_look_ahead = LookAhead::DEFAULT;
@@ -146,6 +158,8 @@ pub(super) fn search(
             (best_gains, best_look_ahead) = (gains, look_ahead);
         }
     }
+    search.propagate_trial(&best_gains, &best_look_ahead, None);
+    search.without_maneuver.clone_from(&search.trial);
     for _ in 0..EVASION_TRIALS {
         let Some(loss) = search.draw_loss(rng).filter(|_| is_wanted()) else { break };
         let maneuver = draw_maneuver(loss, rng);
@@ -201,31 +215,40 @@ impl FormationSearch<'_> {
         look_ahead: &LookAhead,
         maneuver: Option<EvasiveManeuver>,
     ) {
-        for (trajectory, hold) in self.trial.iter_mut().zip(self.holds) {
-            trajectory.branch_from(hold, 1);
+        // Up to the maneuver the trial is the plan without one.
+        let first = maneuver.map_or(1, |maneuver| maneuver.step);
+        for (i, trajectory) in self.trial.iter_mut().enumerate() {
+            let from = if maneuver.is_some() { &self.without_maneuver[i] } else { self.holds[i] };
+            trajectory.branch_from(from, first);
+            trajectory.loss = from.loss.filter(|loss| loss.step < first);
         }
-        for step in 1..=HORIZON {
+        for step in first..=HORIZON {
             let t = step as usize;
+            let bodies = self.trial.each_ref().map(|trajectory| trajectory.bodies[t - 1]);
             let keeps_formation =
                 step <= gains.until && self.trial.iter().all(|trajectory| trajectory.loss.is_none());
             let burns = if keeps_formation {
-                let bodies = std::array::from_fn(|i| self.trial[i].bodies[t - 1]);
                 formation_burns(&bodies, gains, self.ephemeris.physics.gravity)
             } else {
                 [(0.0, 0.0); SATELLITES]
             };
-            for (i, trajectory) in self.trial.iter_mut().enumerate() {
-                if trajectory.loss.is_some() {
-                    continue;
-                }
+            let planned: [_; SATELLITES] = std::array::from_fn(|i| {
                 let (dvx, dvy) = match maneuver.filter(|m| m.satellite == i) {
                     Some(m) if m.step == step => m.dv,
                     Some(m) if m.step < step && step < m.until => (0.0, 0.0),
                     _ => burns[i],
                 };
-                let (body, fuel) = (trajectory.bodies[t - 1], trajectory.fuel[t - 1]);
-                let planned = affordable_burn(dvx, dvy, fuel);
-                let burn = look_ahead.dodge(body, fuel, planned, self.ephemeris, t - 1);
+                affordable_burn(dvx, dvy, self.trial[i].fuel[t - 1])
+            });
+            let contacts = look_ahead.contacts_of_plans(bodies, planned, self.ephemeris, t - 1);
+            for (i, trajectory) in self.trial.iter_mut().enumerate() {
+                if trajectory.loss.is_some() {
+                    continue;
+                }
+                let fuel = trajectory.fuel[t - 1];
+                let burn = contacts[i].map_or(planned[i], |contact| {
+                    look_ahead.avoid(contact, bodies[i], fuel, planned[i], self.ephemeris, t - 1)
+                });
                 trajectory.advance(self.ephemeris, step, burn);
             }
         }

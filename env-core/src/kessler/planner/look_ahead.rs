@@ -10,6 +10,8 @@ use crate::kessler::kernel::Body;
 const DODGE_SIZES: [f64; 6] = [0.05, 0.1, 0.2, 0.4, 0.7, 1.0];
 /// Number of directions of the avoidance burns tried.
 const DODGE_DIRECTIONS: u32 = 16;
+/// Number of directions that are propagated side by side.
+const DIRECTION_GROUP: usize = 4;
 
 /// Settings of a look-ahead.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,48 +40,84 @@ impl LookAhead {
         ephemeris: &DebrisEphemeris,
         row: usize,
     ) -> Option<(f64, f64)> {
-        let contact = self.first_contact(
-            after_burn(body, planned.unwrap_or_default().into()),
-            ephemeris,
-            row,
-            CONTACT_2,
-        );
-        if contact.is_none_or(|step| step > self.act_within) {
-            return planned;
-        }
+        let [contact] = self.contacts_of_plans([body], [planned], ephemeris, row);
+        contact.map_or(planned, |contact| self.avoid(contact, body, fuel, planned, ephemeris, row))
+    }
+
+    /// First contact to act on of each satellite after its planned burn, as steps from now, counted from 1.
+    pub(in crate::kessler) fn contacts_of_plans<const N: usize>(
+        &self,
+        bodies: [Body; N],
+        planned: [Option<(f64, f64)>; N],
+        ephemeris: &DebrisEphemeris,
+        row: usize,
+    ) -> [Option<u32>; N] {
+        let bodies = std::array::from_fn(|i| after_burn(bodies[i], planned[i].unwrap_or_default().into()));
+        first_contacts(bodies, ephemeris, row, self.steps.min(self.act_within), CONTACT_2)
+    }
+
+    /// Returns the gentlest burn that avoids all contacts, or the one that delays the first contact most. `planned`
+    /// leads to a contact in step `contact` from now.
+    pub(in crate::kessler) fn avoid(
+        &self,
+        contact: u32,
+        body: Body,
+        fuel: f64,
+        planned: Option<(f64, f64)>,
+        ephemeris: &DebrisEphemeris,
+        row: usize,
+    ) -> Option<(f64, f64)> {
         let (mut best_contact, mut best_burn) = (contact, planned);
+        let limit_2 = CONTACT_2 * self.margin;
         for size in DODGE_SIZES {
             let size = affordable_size(size, fuel);
-            for direction in 0..DODGE_DIRECTIONS {
-                let angle = std::f64::consts::TAU * f64::from(direction) / f64::from(DODGE_DIRECTIONS);
-                let (sin, cos) = libm::sincos(angle);
-                let dv = (size * cos, size * sin);
-                let limit_2 = CONTACT_2 * self.margin;
-                match self.first_contact(after_burn(body, dv.into()), ephemeris, row, limit_2) {
-                    None => return Some(dv),
-                    later if later > best_contact => (best_contact, best_burn) = (later, Some(dv)),
-                    _ => {}
+            for first in (0..DODGE_DIRECTIONS).step_by(DIRECTION_GROUP) {
+                let burns: [(f64, f64); DIRECTION_GROUP] = std::array::from_fn(|i| {
+                    let direction = f64::from(first) + i as f64;
+                    let angle = std::f64::consts::TAU * direction / f64::from(DODGE_DIRECTIONS);
+                    let (sin, cos) = libm::sincos(angle);
+                    (size * cos, size * sin)
+                });
+                let bodies = burns.map(|burn| after_burn(body, burn.into()));
+                let contacts = first_contacts(bodies, ephemeris, row, self.steps, limit_2);
+                for (burn, contact) in burns.into_iter().zip(contacts) {
+                    match contact {
+                        None => return Some(burn),
+                        Some(later) if later > best_contact => {
+                            (best_contact, best_burn) = (later, Some(burn));
+                        }
+                        Some(_) => {}
+                    }
                 }
             }
         }
         best_burn
     }
+}
 
-    /// First step from now, counted from 1, at which debris is closer to the coasting `body` than the square root of
-    /// `limit_2`.
-    fn first_contact(
-        &self,
-        mut body: Body,
-        ephemeris: &DebrisEphemeris,
-        row: usize,
-        limit_2: f64,
-    ) -> Option<u32> {
-        let rows = u32::try_from(ephemeris.rows().saturating_sub(row + 1)).unwrap_or(u32::MAX);
-        (1..=self.steps.min(rows)).find(|&step| {
-            body = body.coast(ephemeris.physics.gravity);
-            ephemeris.any_within(row + step as usize, body.x, body.y, limit_2)
-        })
+/// First step from now, counted from 1 to `steps`, at which debris is closer to each coasting body than the square root
+/// of `limit_2`. The bodies are propagated side by side: each step of one waits for the step before it.
+fn first_contacts<const N: usize>(
+    mut bodies: [Body; N],
+    ephemeris: &DebrisEphemeris,
+    row: usize,
+    steps: u32,
+    limit_2: f64,
+) -> [Option<u32>; N] {
+    let rows = u32::try_from(ephemeris.rows().saturating_sub(row + 1)).unwrap_or(u32::MAX);
+    let mut contacts = [None; N];
+    for step in 1..=steps.min(rows) {
+        bodies = bodies.map(|body| body.coast(ephemeris.physics.gravity));
+        for (contact, body) in contacts.iter_mut().zip(&bodies).filter(|(contact, _)| contact.is_none()) {
+            if ephemeris.any_within(row + step as usize, body.x, body.y, limit_2) {
+                *contact = Some(step);
+            }
+        }
+        if contacts.iter().all(Option::is_some) {
+            break;
+        }
     }
+    contacts
 }
 
 /// Returns the body after a burn that changes its velocity by (`dvx`, `dvy`).

@@ -28,6 +28,8 @@ const RANDOM_TRANSFERS: u32 = 260;
 const LOCAL_TRANSFERS: u32 = 260;
 /// Number of trials with an evasive burn if every transfer is lost.
 const EVASIVE_TRANSFERS: u32 = 400;
+/// Number of transfers that are propagated side by side: each step of one waits for the step before it.
+const SIDE_BY_SIDE: usize = 4;
 /// Bonus for a trajectory that makes the episode a success.
 const SUCCESS_BONUS: f64 = 20.0;
 
@@ -41,26 +43,33 @@ pub(super) fn search(
     rng: &mut SeededRng,
     is_wanted: &dyn Fn() -> bool,
 ) -> Trajectory {
-    let mut trajectory = Trajectory::new(body, fuel);
+    ephemeris.prepare_search();
+    let mut trajectories: [Trajectory; SIDE_BY_SIDE] = std::array::from_fn(|_| Trajectory::new(body, fuel));
     let mut best = hold.clone();
     let mut best_worth = worth(hold);
     let mut best_gains = GAIN_BOUNDS.map(|(low, high)| 0.5 * (low + high));
-    for trial in 0..RANDOM_TRANSFERS + LOCAL_TRANSFERS {
+    for first in (0..RANDOM_TRANSFERS + LOCAL_TRANSFERS).step_by(SIDE_BY_SIDE) {
         if !is_wanted() {
             return best;
         }
-        let gains = if trial < RANDOM_TRANSFERS {
-            GAIN_BOUNDS.map(|(low, high)| rng.uniform_in(RngStream::Planner, low, high))
-        } else {
-            let progress = f64::from(trial - RANDOM_TRANSFERS) / f64::from(LOCAL_TRANSFERS);
-            perturb(best_gains, 0.25 * (1.0 - progress) + 0.01, rng)
-        };
-        trajectory.branch_from(hold, 1);
-        steer(ephemeris, &mut trajectory, 1, &gains, None);
-        let value = worth(&trajectory);
-        if value > best_worth {
-            (best_worth, best_gains) = (value, gains);
-            best.clone_from(&trajectory);
+        let trials: [TransferTrial; SIDE_BY_SIDE] =
+            std::array::from_fn(|lane| TransferTrial::draw(first + lane as u32, rng));
+        let mut next = 0;
+        while next < SIDE_BY_SIDE {
+            let first = next;
+            let gains = trials.each_ref().map(|trial| trial.gains(best_gains));
+            steer_side_by_side(ephemeris, hold, &mut trajectories[first..], &gains[first..]);
+            for lane in first..SIDE_BY_SIDE {
+                next = lane + 1;
+                let value = worth(&trajectories[lane]);
+                if value > best_worth {
+                    (best_worth, best_gains) = (value, gains[lane]);
+                    best.clone_from(&trajectories[lane]);
+                    if trials[lane].is_local() {
+                        break; // The gains of the later trials are near the new best.
+                    }
+                }
+            }
         }
     }
     if best.is_lost() {
@@ -88,10 +97,11 @@ fn search_evasive(
         let step = 1 + (rng.uniform(RngStream::Planner) * window) as u32;
         let size = rng.uniform(RngStream::Planner);
         let (sin, cos) = libm::sincos(std::f64::consts::TAU * rng.uniform(RngStream::Planner));
-        let gains = perturb(gains, 0.3, rng);
+        let mut control = TransferControl::new(GainOffsets::draw(0.3, rng).apply(gains));
+        control.evasive_burn = Some(PlannedBurn { step, dvx: size * cos, dvy: size * sin });
         trajectory.branch_from(hold, 1);
-        let evasive_burn = PlannedBurn { step, dvx: size * cos, dvy: size * sin };
-        steer(ephemeris, &mut trajectory, 1, &gains, Some(evasive_burn));
+        let mut advance = |t| control.advance(&mut trajectory, ephemeris, t);
+        (1..=HORIZON).all(&mut advance);
         if worth(&trajectory) > best_worth {
             best_worth = worth(&trajectory);
             best.clone_from(&trajectory);
@@ -102,14 +112,56 @@ fn search_evasive(
     }
 }
 
-fn perturb(gains: TransferGains, spread: f64, rng: &mut SeededRng) -> TransferGains {
-    let mut perturbed = gains;
-    for (gain, (low, high)) in perturbed.iter_mut().zip(GAIN_BOUNDS) {
-        // The sum of three uniform draws is bell-shaped enough, and needs no transcendental function.
-        let bell: f64 = (0..3).map(|_| rng.uniform_in(RngStream::Planner, -1.0, 1.0)).sum();
-        *gain = (*gain + spread * (high - low) * bell).clamp(low, high);
+/// Draws of a trial, from which its gains follow once the best ones before it are known.
+enum TransferTrial {
+    /// Gains that are drawn at random.
+    Random(TransferGains),
+    /// Gains near the best.
+    Local(GainOffsets),
+}
+
+impl TransferTrial {
+    fn draw(number: u32, rng: &mut SeededRng) -> Self {
+        if number < RANDOM_TRANSFERS {
+            Self::Random(GAIN_BOUNDS.map(|(low, high)| rng.uniform_in(RngStream::Planner, low, high)))
+        } else {
+            let progress = f64::from(number - RANDOM_TRANSFERS) / f64::from(LOCAL_TRANSFERS);
+            Self::Local(GainOffsets::draw(0.25 * (1.0 - progress) + 0.01, rng))
+        }
     }
-    perturbed
+
+    fn gains(&self, best: TransferGains) -> TransferGains {
+        match self {
+            Self::Random(gains) => *gains,
+            Self::Local(offsets) => offsets.apply(best),
+        }
+    }
+
+    const fn is_local(&self) -> bool {
+        matches!(self, Self::Local(_))
+    }
+}
+
+/// Random offsets of gains.
+struct GainOffsets {
+    /// Factor of the offsets, as a share of the range of each gain.
+    spread: f64,
+    offsets: [f64; GAIN_COUNT],
+}
+
+impl GainOffsets {
+    fn draw(spread: f64, rng: &mut SeededRng) -> Self {
+        // The sum of three uniform draws is bell-shaped enough, and needs no transcendental function.
+        let mut bell = || (0..3).map(|_| rng.uniform_in(RngStream::Planner, -1.0, 1.0)).sum();
+        Self { spread, offsets: std::array::from_fn(|_| bell()) }
+    }
+
+    fn apply(&self, gains: TransferGains) -> TransferGains {
+        std::array::from_fn(|i| {
+            let (low, high) = GAIN_BOUNDS[i];
+            (gains[i] + self.spread * (high - low) * self.offsets[i]).clamp(low, high)
+        })
+    }
 }
 
 /// Contribution of satellite 0's trajectory to the team's reward, in steps and doubled (so that a step of
@@ -134,48 +186,79 @@ fn proximity_at(trajectory: &Trajectory, t: usize) -> f64 {
     proximity(trajectory.bodies[t].radius())
 }
 
-/// Propagates a transfer with these gains from `step` on, with an optional evasive burn.
-fn steer(
+/// Propagates a transfer for each of these gains, from the start of `hold` on.
+fn steer_side_by_side(
     ephemeris: &DebrisEphemeris,
-    trajectory: &mut Trajectory,
-    step: u32,
-    gains: &TransferGains,
-    evasive_burn: Option<PlannedBurn>,
+    hold: &Trajectory,
+    trajectories: &mut [Trajectory],
+    gains: &[TransferGains],
 ) {
-    let [mut radial, mut in_track, feedback_radius, gain, weight, deadband, max_climb] = *gains;
-    for t in step..=HORIZON {
+    let mut controls = [None; SIDE_BY_SIDE];
+    for ((control, trajectory), gains) in controls.iter_mut().zip(&mut *trajectories).zip(gains) {
+        *control = Some(TransferControl::new(*gains));
+        trajectory.branch_from(hold, 1);
+    }
+    for t in 1..=HORIZON {
+        for (control, trajectory) in controls.iter_mut().zip(&mut *trajectories) {
+            if let Some(active) = control
+                && !active.advance(trajectory, ephemeris, t)
+            {
+                *control = None;
+            }
+        }
+    }
+}
+
+/// Control law of a transfer: the rest of its opening kick, then feedback.
+#[derive(Clone, Copy)]
+struct TransferControl {
+    gains: TransferGains,
+    /// Rest of the opening kick (radial, in-track), LU/TU.
+    kick: (f64, f64),
+    evasive_burn: Option<PlannedBurn>,
+}
+
+impl TransferControl {
+    const fn new(gains: TransferGains) -> Self {
+        Self { gains, kick: (gains[0], gains[1]), evasive_burn: None }
+    }
+
+    /// Advances a trajectory by step `t`. Returns false once the satellite is lost.
+    fn advance(&mut self, trajectory: &mut Trajectory, ephemeris: &DebrisEphemeris, t: u32) -> bool {
         let body = trajectory.bodies[t as usize - 1];
         let fuel = trajectory.fuel[t as usize - 1];
         let ((rx, ry), (tx, ty)) = body.local_axes();
-        let (mut dr, mut dt) = (0.0, 0.0);
-        if radial > 0.0 || in_track.abs() > 1e-9 {
-            let size = (radial * radial + in_track * in_track).sqrt();
-            let part = (MAX_BURN / size).min(1.0);
-            (dr, dt) = (radial * part, in_track * part);
-            radial -= dr;
-            in_track -= dt;
-            if part >= 1.0 {
-                (radial, in_track) = (0.0, 0.0);
-            }
-        } else {
-            let radius = body.radius();
-            if radius >= feedback_radius {
-                (dr, dt) = radius_feedback(&body, radius, gain, weight, max_climb);
-                if (dr * dr + dt * dt).sqrt() < deadband {
-                    (dr, dt) = (0.0, 0.0);
-                }
-            }
-        }
+        let (dr, dt) = self.next_kick().unwrap_or_else(|| self.feedback(&body));
         let (mut dvx, mut dvy) = (dr * rx + dt * tx, dr * ry + dt * ty);
-        if let Some(burn) = evasive_burn
-            && burn.step == t
-        {
+        if let Some(burn) = self.evasive_burn.filter(|burn| burn.step == t) {
             dvx += burn.dvx;
             dvy += burn.dvy;
         }
-        if !trajectory.advance(ephemeris, t, affordable_burn(dvx, dvy, fuel)) {
-            return;
+        trajectory.advance(ephemeris, t, affordable_burn(dvx, dvy, fuel))
+    }
+
+    /// Part of the opening kick that the next step can burn; `None` once it is spent.
+    fn next_kick(&mut self) -> Option<(f64, f64)> {
+        let (radial, in_track) = self.kick;
+        if radial <= 0.0 && in_track.abs() <= 1e-9 {
+            return None;
         }
+        let size = (radial * radial + in_track * in_track).sqrt();
+        let part = (MAX_BURN / size).min(1.0);
+        let burn = (radial * part, in_track * part);
+        self.kick = if part >= 1.0 { (0.0, 0.0) } else { (radial - burn.0, in_track - burn.1) };
+        Some(burn)
+    }
+
+    /// Burn of the feedback, none before its radius is reached.
+    fn feedback(&self, body: &Body) -> (f64, f64) {
+        let [_, _, feedback_radius, gain, weight, deadband, max_climb] = self.gains;
+        let radius = body.radius();
+        if radius < feedback_radius {
+            return (0.0, 0.0);
+        }
+        let (dr, dt) = radius_feedback(body, radius, gain, weight, max_climb);
+        if (dr * dr + dt * dt).sqrt() < deadband { (0.0, 0.0) } else { (dr, dt) }
     }
 }
 

@@ -47,6 +47,9 @@ impl DebrisEphemeris {
         mut visit: impl FnMut(usize),
     ) {
         let max_miss = CONTACT_DISTANCE + SIGMAS * sigma;
+        if let Some(near) = self.grid().and_then(|grid| grid.columns_passing(step, body, max_miss)) {
+            return near.iter().for_each(|&column| visit(usize::from(column)));
+        }
         let max_miss_2 = max_miss * max_miss * (1.0 + 1e-6);
         let mut first = 0;
         while first + CHUNK_LEN <= self.columns {
@@ -131,6 +134,7 @@ mod tests {
             debris in 0u32..120,
             sigma in prop::sample::select(vec![0.05, 0.5, 3.0, 10.0]),
             burns in prop::collection::vec((1u32..=50, -1.0..1.0f64, -1.0..1.0f64), 0..4),
+            is_prepared: bool,
         ) {
             let params =
                 [("debris", f64::from(debris)), ("spread", 2.0), ("sigma", sigma), ("rogue_probability", 0.2)];
@@ -139,6 +143,9 @@ mod tests {
             let mut rng = crate::episode_rng::SeededRng::new(scenario.seed());
             let Ok(start) = setup.draw_initial_state(&mut rng) else { return Ok(()) };
             let ephemeris = DebrisEphemeris::from_initial_state(&setup, &start);
+            if is_prepared {
+                ephemeris.prepare_search();
+            }
             let mut trajectory = Trajectory::new(start.satellites[0], setup.fuel);
             for step in 1..=50u32 {
                 let burn = burns.iter().find(|burn| burn.0 == step).map(|&(_, x, y)| (x, y));
