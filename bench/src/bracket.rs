@@ -22,11 +22,12 @@ impl BracketCase {
     }
 }
 
-const CASES: [BracketCase; 8] = [
+const CASES: [BracketCase; 9] = [
     BracketCase::new("kessler/survival", &[("debris", 50.0)], 0.5),
     BracketCase::new("kessler/survival", &[("debris", 50.0), ("spread", 1.0), ("fuel", 20.0)], 0.5),
     BracketCase::new("kessler/eco_station", &[("debris", 50.0)], 0.5),
-    BracketCase::new("kessler/rendezvous", &[("debris", 50.0)], 5.0),
+    BracketCase::new("kessler/rendezvous", &[("debris", 50.0)], 1.0),
+    BracketCase::new("kessler/formation", &[("debris", 50.0)], 5.0),
     BracketCase::new("docking/multiagent", &[("deputies", 3.0)], 5.0),
     BracketCase::new("tasking/scanning", &[("battery_wh", 200.0)], 40.0),
     BracketCase::new("tasking/imaging", &[("targets", 1250.0)], 100.0),
@@ -35,10 +36,10 @@ const CASES: [BracketCase; 8] = [
 
 /// Cases with `risk: pc`, where every passage of every body counts: easy ones, and the hardest that the API accepts.
 const PC_CASES: [BracketCase; 4] = [
-    BracketCase::new("kessler/survival", &[("debris", 150.0), ("spread", 1.0)], 1000.0),
-    BracketCase::new("kessler/survival", &[("debris", 150.0), ("spread", 1.0), ("sigma", 10.0)], 1000.0),
-    BracketCase::new("kessler/survival", &[("debris", 1000.0), ("spread", 1.0), ("sigma", 10.0)], 5000.0),
-    BracketCase::new("kessler/formation", &[("debris", 1000.0), ("spread", 1.0)], 5000.0),
+    BracketCase::new("kessler/survival", &[("debris", 150.0), ("spread", 1.0)], 300.0),
+    BracketCase::new("kessler/survival", &[("debris", 150.0), ("spread", 1.0), ("sigma", 10.0)], 300.0),
+    BracketCase::new("kessler/survival", &[("debris", 1000.0), ("spread", 1.0), ("sigma", 10.0)], 300.0),
+    BracketCase::new("kessler/formation", &[("debris", 1000.0), ("spread", 1.0)], 300.0),
 ];
 const PC_SCENARIOS: u64 = 5;
 
