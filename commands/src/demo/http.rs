@@ -37,6 +37,12 @@ impl HttpFeed {
         &self.run
     }
 
+    /// Pauses the run, so that it grants no more leases and no alert reports it as stalled.
+    pub(super) async fn pause(&self) -> anyhow::Result<()> {
+        let _: RunSummary = self.api.post_empty(&format!("/v1/runs/{}/pause", self.run)).await?;
+        Ok(())
+    }
+
     async fn get<A: DeserializeOwned>(&self, path: &str) -> anyhow::Result<A> {
         self.api.get(&format!("/v1/runs/{}/{path}", self.run)).await
     }

@@ -46,8 +46,8 @@ use super::{names, output, worlds};
 /// the run live. The learner is the task's reflex policy: a rule with a few numeric
 /// parameters and no search (in kessler: how far to look ahead, what to dodge, when, how hard, and in which direction).
 /// The cross-entropy method improves the parameters from the reported scores; a population of 12 runs every scenario. The
-/// learner starts at level 0 of every task and climbs as it masters them. The controls `hold`, `blind` and `frozen` (random
-/// parameters) show how far a run gets without learning.
+/// learner starts at level 0 of every task and climbs as it masters them. At the end, the demo pauses its run. The controls
+/// `hold`, `blind` and `frozen` (random parameters) show how far a run gets without learning.
 #[derive(Debug, clap::Args)]
 #[command(after_help = after_help())]
 pub struct Args {
@@ -240,7 +240,13 @@ async fn train_at(url: &str, args: &Args) -> anyhow::Result<(Progress, String)> 
     let mut screen = ProgressScreen::new(episodes)?;
     let trained = train(&feed, plan, &mut screen, &stop_on_ctrl_c()).await;
     screen.close();
-    Ok((trained?, feed.run().to_owned()))
+    let progress = trained?;
+    if let Err(error) = feed.pause().await {
+        // A token may not permit it: only admins pause runs.
+        let _ =
+            writeln!(std::io::stderr().lock(), "The run stays active, since it cannot be paused: {error:#}");
+    }
+    Ok((progress, feed.run().to_owned()))
 }
 
 /// Returns the physics options by task.

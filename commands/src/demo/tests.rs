@@ -12,6 +12,7 @@ use orchestrator::service::{Config, Service};
 use self::local_feed::LocalFeed;
 use super::train::{LevelChange, MEMBERS, Progress, ProgressObserver, TrainingPlan, train};
 use super::trainee::{LearnerMode, Member, Trainee};
+use crate::api::{ApiClient, CaArgs};
 use crate::options::TaskOptions;
 use crate::output::OutputTarget;
 
@@ -165,6 +166,30 @@ fn over_http_the_same_seed_is_the_same_run_in_every_world() {
     );
 }
 
+/// Parses a command line without the name of the program.
+fn parse_args(line: &str) -> super::Args {
+    let command = <super::Args as clap::Args>::augment_args(clap::Command::new("demo"));
+    <super::Args as clap::FromArgMatches>::from_arg_matches(&command.get_matches_from(line.split(' ')))
+        .unwrap()
+}
+
+/// An active run without a trainer would be reported as stalled.
+#[test]
+fn the_run_is_paused_after_the_training() {
+    let args = parse_args("demo --temporary --designer off --episodes 96 --task kessler/survival");
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
+    let run = runtime.block_on(async {
+        let folder = tempfile::tempdir().unwrap();
+        let service = Service::start(Config::local(folder.path().join("demo.sqlite3"))).await.unwrap();
+        let (_, run) = super::train_at(&service.url(), &args).await.unwrap();
+        let api = ApiClient::new(&service.url(), &CaArgs::default()).unwrap();
+        let run: api_types::Run = api.get(&format!("/v1/runs/{run}")).await.unwrap();
+        service.stop().await;
+        run
+    });
+    assert_eq!((run.summary.activity, run.summary.episodes), (api_types::RunActivity::Paused, 96));
+}
+
 /// Runs the demo without its output.
 async fn run_demo(args: &super::Args) -> anyhow::Result<(Progress, String)> {
     let folder = tempfile::tempdir()?;
@@ -175,11 +200,7 @@ async fn run_demo(args: &super::Args) -> anyhow::Result<(Progress, String)> {
 }
 
 fn same_seed_over_http(line: &str, episodes: usize) {
-    let args = <super::Args as clap::FromArgMatches>::from_arg_matches(
-        &<super::Args as clap::Args>::augment_args(clap::Command::new("demo"))
-            .get_matches_from(line.split(' ')),
-    )
-    .unwrap();
+    let args = parse_args(line);
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
     let (one, _) = runtime.block_on(run_demo(&args)).unwrap();
     let (other, _) = runtime.block_on(run_demo(&args)).unwrap();
@@ -197,15 +218,8 @@ fn same_seed_over_http(line: &str, episodes: usize) {
 /// Options reach the created run. Options that a server would refuse are refused before a server starts.
 #[test]
 fn options_are_the_runs_physics() {
-    let args = |line: &str| {
-        <super::Args as clap::FromArgMatches>::from_arg_matches(
-            &<super::Args as clap::Args>::augment_args(clap::Command::new("demo"))
-                .get_matches_from(line.split(' ')),
-        )
-        .unwrap()
-    };
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
-    let demo = |line: &str| runtime.block_on(run_demo(&args(line)));
+    let demo = |line: &str| runtime.block_on(run_demo(&parse_args(line)));
     let plain = "demo --temporary --episodes 240 --seed 6 --task kessler/survival";
     let (swept, run) = demo(&format!("{plain} --physics contact=swept --physics gravity=j2")).unwrap();
     let (other, _) = demo(plain).unwrap();
