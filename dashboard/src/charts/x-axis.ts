@@ -1,5 +1,6 @@
 /** Horizontal axes of the charts of a run: positions of points on them, and conversions between time and position. */
 import type { TaskSeries } from "../lib/api-types";
+import { time } from "../lib/format";
 import { EMPTY_CLOCK, stepAt, type StepClock } from "./step-clock";
 
 /** Quantity of the horizontal axis. `step` is the trainer's step, `steps` are environment steps of a task. */
@@ -138,7 +139,7 @@ export function durationText(seconds: number, step: number): string {
 
 /** Formats a position on an axis as text: a time, a duration or a number. */
 export function positionText(axis: XAxis, at: number): string {
-  if (axis === "time") return new Date(1000 * at).toLocaleString();
+  if (axis === "time") return time(1000 * at);
   if (axis === "elapsed") return durationText(at, 0);
   return at.toLocaleString("en", { maximumFractionDigits: axis === "step" ? 3 : 0 });
 }

@@ -1,5 +1,5 @@
 /** Texts for the events of a run, one line each. */
-import { count, shortTask } from "./format";
+import { countOf, shortTask } from "./format";
 import type { RunEvent } from "./event-stream.svelte";
 
 function text(value: unknown): string {
@@ -35,7 +35,7 @@ export function eventText({ kind, data }: RunEvent): string {
     case "run":
       return `run ${text(data["state"])}`;
     case "lease":
-      return `lease ${text(data["lease"])} ${text(data["state"])}: ${text(data["groups"])} groups of ${text(data["group_size"])}, purpose ${text(data["purpose"])}`;
+      return `lease ${text(data["lease"])} ${text(data["state"])}: ${countOf(Number(data["groups"]), "group")} of ${text(data["group_size"])}, purpose ${text(data["purpose"])}`;
     case "group": {
       const level =
         data["level"] === null || data["level"] === undefined ? "" : ` at level ${text(data["level"])}`;
@@ -46,9 +46,9 @@ export function eventText({ kind, data }: RunEvent): string {
       return `${task}: ${text(data["kind"])} to level ${text(data["to"])}. ${evidence?.sentence ?? ""}`;
     }
     case "claim":
-      return `${count(Number(data["episodes"]))} episodes in columns: ${text(data["state"])} ${text(data["reason"])}`;
+      return `${countOf(Number(data["episodes"]), "episode")} in columns: ${text(data["state"])} ${text(data["reason"])}`;
     case "failures":
-      return `${task}: failure analysis of ${text(data["criticised"])} episodes finished`;
+      return `${task}: failure analysis of ${countOf(Number(data["criticised"]), "episode")} finished`;
     case "design":
       return `${task}: ${text(data["designer"])} designed; ${text(data["admitted"])} admitted, ${text(data["refused"])} refused ${text(data["error"])}`;
     case "warning":

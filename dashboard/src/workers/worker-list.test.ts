@@ -61,5 +61,5 @@ test("means are undefined before the first job", () => {
 
 test("the last heartbeat has tenths of seconds while it is recent", () => {
   expect(lastSeenText(0.42)).toBe("0.4 s ago");
-  expect(lastSeenText(65)).toBe("1 min 5 s ago");
+  expect(lastSeenText(65)).toBe("1 min. ago");
 });

@@ -1,6 +1,6 @@
 /** Texts, order and numbers of the page of workers. */
 import type { JobCounters, RemoteWorker, RemoteWorkerList, RemoteWorkerState } from "../lib/api-types";
-import { countOf, formatDuration } from "../lib/format";
+import { ago, countOf } from "../lib/format";
 
 /** Connection of the server to its workers. */
 export interface ConnectionSummary {
@@ -102,7 +102,7 @@ export function jobMeans(counters: JobCounters): JobMeans {
   };
 }
 
-/** Formats the time since the last heartbeat, in seconds: "0.4 s ago", "2 min 5 s ago". */
+/** Formats the time since the last heartbeat, in seconds: "0.4 s ago", "2 min. ago". */
 export function lastSeenText(seconds: number): string {
-  return seconds < 10 ? `${seconds.toFixed(1)} s ago` : `${formatDuration(1000 * seconds)} ago`;
+  return seconds < 10 ? `${seconds.toFixed(1)} s ago` : ago(-1000 * seconds, 0);
 }
