@@ -14,6 +14,7 @@ import type {
   RunSummary,
   TrainerMetric,
 } from "../lib/api-types";
+import { rememberRun } from "../lib/known-runs.svelte";
 import { LatestRequest } from "../lib/latest-request";
 
 /** Number of points of a chart. */
@@ -102,6 +103,7 @@ export class RunData {
       [this.series, this.sampler, this.mastery] = [series, sampler, mastery];
       [this.overview, this.details, this.moves] = [overview, details, [...this.moves, ...newMoves]];
       this.#storeMetrics(metrics, options);
+      rememberRun(details);
       this.#axis.start = seconds(details.created_at);
       this.#setAvailable(series, mastery);
       this.loadedAxis = kind;
