@@ -29,7 +29,7 @@ test("level, skill, trend, promotion and missing outcomes of each task are visib
   expect(await table.getByRole("columnheader").allInnerTexts()).toEqual([
     "Task",
     "Level",
-    "Mean skill",
+    "Skill, all episodes",
     "Skill, last quarter",
     "Mastery",
     "Training episodes",
@@ -108,6 +108,23 @@ test("the back button leads through the tabs to the page before", async () => {
   }
   await page.goBack();
   await page.getByRole("heading", { name: "Runs" }).waitFor();
+  expect(problems).toEqual([]);
+  await page.context().close();
+});
+
+test("the trained run is paused, and its trainer is not active", async () => {
+  const { page, problems } = await openRun("?tab=trainer");
+  await page.getByText(/^paused after .* with results$/).waitFor();
+  const trainers = page.getByRole("region", { name: "Trainers" });
+  const list = await fetch(`${url}/v1/runs/${run}/trainers`);
+  const { trainers: all, window_s } = (await list.json()) as {
+    trainers: { idle_s: number }[];
+    window_s: number;
+  };
+  // The learner has ended, but the window of the rates may have some of its requests.
+  if (all.every(({ idle_s }) => idle_s > window_s + 10))
+    await trainers.getByText(/^No trainer has been active in the last \d+ (min|s)/).waitFor();
+  expect(await trainers.getByText("0 % of the time").count()).toBe(0);
   expect(problems).toEqual([]);
   await page.context().close();
 });

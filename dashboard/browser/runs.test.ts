@@ -101,7 +101,7 @@ test("the address has the whole view, and groups open", async () => {
   ]);
   await page.getByRole("button", { name: "Columns" }).click();
   await page.getByRole("checkbox", { name: "Note" }).check();
-  await expect.poll(() => page.url()).toContain("columns=strategy%2Cnote%2Cseed");
+  await expect.poll(() => page.url()).toContain("columns=strategy,note,seed");
   await page.keyboard.press("Escape");
   await page.reload();
   await page.getByRole("columnheader", { name: "Note" }).waitFor();
@@ -117,6 +117,65 @@ test("the address has the whole view, and groups open", async () => {
   // A run with two tags is in two groups, and counts once.
   await page.getByText("1,001 runs", { exact: true }).waitFor();
   expect(problems).toEqual([]);
+  await page.context().close();
+});
+
+test("a name has the free width, and tags that do not fit are counted", async () => {
+  const { server } = fixture;
+  const name = "sparring demo: learn, seed 1";
+  await server.post("/v1/runs", {
+    id: "long-name",
+    name,
+    tags: ["demo", "demo-learn", "encoder-512", "lr:3e-4"],
+    design: { designer: "off" },
+  });
+  const { page, problems } = await fixture.openPage({ width: 1440, height: 900 });
+  await visit(page, server.url, "/?search=long-name");
+  const link = page.getByRole("link", { name });
+  await link.waitFor();
+  expect(await link.evaluate((node) => node.scrollWidth - node.clientWidth)).toBeLessThanOrEqual(0);
+  const cell = rows(page).first().locator(".tags .value");
+  expect(await cell.getAttribute("title")).toBe("demo, demo-learn, encoder-512, lr:3e-4");
+  expect(await cell.textContent()).toMatch(/\+[1-3]$/);
+  expect(await page.evaluate(() => document.documentElement.scrollWidth - innerWidth)).toBeLessThanOrEqual(0);
+  const box = await page.getByRole("table", { name: "Runs" }).boundingBox();
+  expect((box?.x ?? 0) + (box?.width ?? Infinity), "the table fits the window").toBeLessThanOrEqual(1440);
+  expect(await page.getByRole("columnheader", { name: /^Skill, recent/ }).getAttribute("title")).toContain(
+    "at the level of the run",
+  );
+  expect(await page.getByRole("columnheader").allTextContents()).toContain("Level");
+  expect(problems).toEqual([]);
+  await page.context().close();
+});
+
+test("the address has the selection and the open dialog", async () => {
+  const { server } = fixture;
+  const { page, problems } = await fixture.openPage();
+  await visit(page, server.url, "/?search=many-010&selected=many-0100,flown,unknown");
+  const bar = page.getByRole("region", { name: "Selected runs" });
+  await bar.getByText("2 selected").waitFor(); // also a run that the search leaves out, but no unknown one
+  expect(await page.getByLabel("Select many-0100").isChecked()).toBe(true);
+  await expect.poll(() => page.url()).toMatch(/selected=many-0100,flown$/);
+  await page.getByRole("button", { name: "Edit tags and note of many-0101" }).click();
+  await expect.poll(() => page.url()).toContain("dialog=edit%3Amany-0101");
+  await page.reload();
+  const dialog = page.getByRole("dialog");
+  await dialog.getByRole("heading", { name: "Tags and note of many-0101" }).waitFor();
+  await dialog.getByRole("button", { name: "Cancel" }).click();
+  await expect.poll(() => page.url()).not.toContain("dialog");
+  await bar.getByRole("button", { name: /^Delete/ }).click();
+  await expect.poll(() => page.url()).toContain("dialog=delete");
+  await page.reload();
+  await dialog.getByRole("heading", { name: "Delete 2 runs" }).waitFor();
+  await page.keyboard.press("Escape");
+  await dialog.waitFor({ state: "detached" });
+  await bar.getByRole("button", { name: "Clear selection" }).click();
+  await expect.poll(() => page.url()).toMatch(/#\/\?search=many-010$/);
+  await page.getByRole("button", { name: "New run" }).click();
+  await expect.poll(() => page.url()).toContain("dialog=new");
+  await page.keyboard.press("Escape");
+  await expect.poll(() => page.url()).not.toContain("dialog");
+  expect(problems.filter((problem) => !problem.includes("/v1/runs/unknown"))).toEqual([]);
   await page.context().close();
 });
 
@@ -166,6 +225,7 @@ test("the keyboard alone searches, selects, compares and deletes runs", async ()
     await page.keyboard.press("Space");
   }
   await page.getByText("2 selected").waitFor();
+  await expect.poll(() => page.url()).toContain("selected=many-0999,many-0998");
   await page.evaluate(() => {
     document.getElementById("main")?.focus();
   });
@@ -176,10 +236,7 @@ test("the keyboard alone searches, selects, compares and deletes runs", async ()
   await page.getByRole("cell", { name: "docking/single" }).first().waitFor();
   await page.goBack();
   await expect.poll(() => rows(page).count()).toBe(10);
-  for (const name of ["many-0999", "many-0998"]) {
-    await tabTo(`Select ${name}`);
-    await page.keyboard.press("Space");
-  }
+  await page.getByText("2 selected").waitFor(); // the address has the selection
   await page.evaluate(() => {
     document.getElementById("main")?.focus();
   });
@@ -262,6 +319,7 @@ test("the form of a new run has all settings, the commands, and errors at the fi
   await dialog.getByLabel("share", { exact: true }).fill("0.1");
   await dialog.getByRole("button", { name: "Create" }).click();
   await dialog.waitFor({ state: "detached" });
+  await page.getByRole("heading", { name: "made", exact: true }).waitFor();
   const made = await server.get<{ settings: { group_size: number; design: { share: number } } }>(
     "/v1/runs/made",
   );

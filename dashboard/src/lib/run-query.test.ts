@@ -1,13 +1,14 @@
 import { describe, expect, test } from "vitest";
 import {
+  MAX_COMPARED,
   comparisonAddress,
   filtersOf,
-  formatView,
   groupFilter,
   groupName,
   parseView,
   sortBy,
   tableColumns,
+  viewAddress,
 } from "./run-query";
 
 describe("view of the runs in the address", () => {
@@ -15,13 +16,22 @@ describe("view of the runs in the address", () => {
     const view = parseView("");
     expect([view.sort, view.descending, view.group, view.search]).toEqual(["created", true, "", ""]);
     expect(view.columns).toContain("skill");
-    expect(formatView(view)).toBe("");
+    expect(view.columns.slice(view.columns.indexOf("levels"))[1]).toBe("skill");
+    expect(viewAddress(view)).toBe("#/");
     expect(filtersOf(view)).toEqual({});
   });
   test("every part survives", () => {
     const query =
-      "search=lr+3e-4&activity=idle&tag=paper&strategy=plr&group=tasks&sort=skill&order=asc&columns=note%2Cseed";
-    expect(formatView(parseView(query))).toBe(query);
+      "search=lr+3e-4&activity=idle&tag=paper&strategy=plr&group=tasks&sort=skill&order=asc&selected=a,b&dialog=delete&columns=note,seed";
+    expect(viewAddress(parseView(query))).toBe(`#/?${query}`);
+    for (const part of ["dialog=new", "dialog=edit%3Amine", "columns="])
+      expect(viewAddress(parseView(part))).toBe(`#/?${part}`);
+  });
+  test("a deletion needs selected runs, and a long selection is not in the address", () => {
+    expect(parseView("dialog=delete").dialog).toBe("");
+    expect(parseView("dialog=other").dialog).toBe("");
+    const selected = Array.from({ length: MAX_COMPARED + 1 }, (_, i) => `run-${String(i)}`);
+    expect(viewAddress({ ...parseView(""), selected, dialog: "delete" })).toBe("#/");
   });
   test("unknown words are left out, and columns keep their order", () => {
     const view = parseView("sort=x&group=y&activity=z&columns=tags,nothing,activity");
@@ -53,8 +63,8 @@ describe("view of the runs in the address", () => {
   });
   test("the table is as wide as its columns", () => {
     expect(tableColumns(["strategy", "note"])).toEqual({
-      template: "1.2rem minmax(10rem, 2fr) 5.5rem minmax(10rem, 1fr) 7.2rem",
-      width: "38rem",
+      template: "1.2rem minmax(12rem, 5fr) 5.5rem minmax(10rem, 1fr) 7.2rem",
+      width: "40rem",
     });
   });
 });

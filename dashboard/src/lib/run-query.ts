@@ -1,5 +1,7 @@
 /** View of the list of runs: search, filters, order, groups and columns, as the address of the page has them. */
 import type { RunActivity } from "./api-types";
+import { addressOf } from "./page-history";
+import { SKILL_WINDOWS } from "./skill-windows";
 
 export const ACTIVITIES = [
   "running",
@@ -15,6 +17,8 @@ export type Grouping = (typeof GROUPINGS)[number];
 
 interface ColumnSpec {
   name: string;
+  /** What the values are, for the title of the head. */
+  title?: string;
   /** Smallest width, in rem. */
   rem: number;
   /** True if the column takes a part of the free width. */
@@ -27,14 +31,19 @@ interface ColumnSpec {
 export const COLUMNS = {
   activity: { name: "Activity", rem: 5.5 },
   strategy: { name: "Strategy", rem: 5.5 },
-  tasks: { name: "Tasks", rem: 7, grows: true },
+  tasks: { name: "Tasks", rem: 6, grows: true },
   episodes: { name: "Episodes", rem: 5.5, sort: "episodes", number: true },
-  skill: { name: "Skill", rem: 3.5, sort: "skill", number: true },
-  curve: { name: "Skill over time", rem: 7.5 },
-  levels: { name: "Levels", rem: 9, grows: true },
+  levels: {
+    name: "Level",
+    title: "Current level of the run; a range if its tasks have different levels",
+    rem: 4,
+    number: true,
+  },
+  skill: { ...SKILL_WINDOWS.recent, rem: 4, sort: "skill", number: true },
+  curve: { name: "Skill over time", title: "Mean skill of all tasks over the time of the run", rem: 6.5 },
   last_results: { name: "Latest results", rem: 6.5, sort: "last_results" },
-  created: { name: "Created", rem: 6, sort: "created" },
-  tags: { name: "Tags", rem: 7, grows: true },
+  created: { name: "Created", rem: 6.5, sort: "created" },
+  tags: { name: "Tags", rem: 8, grows: true },
   note: { name: "Note", rem: 10, grows: true },
   group_size: { name: "Group size", rem: 4.5, number: true },
   seed: { name: "Seed", rem: 9.5, number: true },
@@ -48,12 +57,19 @@ const DEFAULT_COLUMNS: readonly Column[] = [
   "strategy",
   "tasks",
   "episodes",
+  "levels",
   "skill",
   "curve",
   "last_results",
   "created",
   "tags",
 ];
+
+/** Largest number of runs of a comparison: each has three requests and a curve in every chart. The address holds as many selected runs. */
+export const MAX_COMPARED = 100;
+
+/** Open dialog of the page: of a new run, of the selected runs that are deleted, or of the tags and the note of a run. */
+export type RunDialog = "" | "new" | "delete" | `edit:${string}`;
 
 export interface RunView {
   search: string;
@@ -64,6 +80,9 @@ export interface RunView {
   descending: boolean;
   group: Grouping | "";
   columns: Column[];
+  /** Ids of the selected runs. */
+  selected: string[];
+  dialog: RunDialog;
 }
 
 /** Filters of the API, by the names of its parameters. */
@@ -84,6 +103,7 @@ export function parseView(query: string): RunView {
   const params = new URLSearchParams(query);
   const sort = word(params.get("sort"), SORTS) ?? "created";
   const columns = params.get("columns");
+  const selected = [...new Set((params.get("selected") ?? "").split(",").filter((id) => id !== ""))];
   return {
     search: params.get("search") ?? "",
     activity: word(params.get("activity"), ACTIVITIES) ?? "",
@@ -96,7 +116,15 @@ export function parseView(query: string): RunView {
       columns === null
         ? [...DEFAULT_COLUMNS]
         : ALL_COLUMNS.filter((column) => columns.split(",").includes(column)),
+    selected,
+    dialog: parseDialog(params.get("dialog") ?? "", selected),
   };
+}
+
+/** Returns the dialog that a word names; a deletion needs selected runs. */
+function parseDialog(word: string, selected: readonly string[]): RunDialog {
+  if (word === "new" || (word === "delete" && selected.length > 0)) return word;
+  return word.startsWith("edit:") ? (word as RunDialog) : "";
 }
 
 /** Direction in which users read a value first: names from A, all others from the highest. */
@@ -104,16 +132,25 @@ export function defaultOrder(sort: Sort): "asc" | "desc" {
   return sort === "name" ? "asc" : "desc";
 }
 
-/** Formats a view as the query of an address, without values that are the default. */
-export function formatView(view: RunView): string {
-  const params = new URLSearchParams();
-  for (const name of ["search", "activity", "tag", "strategy", "group"] as const)
-    if (view[name]) params.set(name, view[name]);
-  if (view.sort !== "created") params.set("sort", view.sort);
+/** Returns the address of a view, without values that are the default, and without a selection that is too long for it. */
+export function viewAddress(view: RunView): string {
   const order = view.descending ? "desc" : "asc";
-  if (order !== defaultOrder(view.sort)) params.set("order", order);
-  if (view.columns.join() !== DEFAULT_COLUMNS.join()) params.set("columns", view.columns.join());
-  return params.toString();
+  const hasColumns = view.columns.join() !== DEFAULT_COLUMNS.join();
+  const params = new URLSearchParams({
+    search: view.search,
+    activity: view.activity,
+    tag: view.tag,
+    strategy: view.strategy,
+    group: view.group,
+    sort: view.sort === "created" ? "" : view.sort,
+    order: order === defaultOrder(view.sort) ? "" : order,
+    selected: view.selected.length <= MAX_COMPARED ? view.selected.join() : "",
+    dialog: view.dialog === "delete" && view.selected.length > MAX_COMPARED ? "" : view.dialog,
+  });
+  const address = addressOf("/", params);
+  // A table without columns has an empty list, which differs from none.
+  if (!hasColumns) return address;
+  return `${address}${address.includes("?") ? "&" : "?"}columns=${view.columns.join()}`;
 }
 
 /** Returns the filters of a view for the API. */
@@ -145,7 +182,7 @@ export function groupName(group: Grouping | "", value: string): string {
 
 /** Returns the columns of the grid of the table, with those for the tick, the name and the actions, and their smallest width. */
 export function tableColumns(columns: readonly Column[]): { template: string; width: string } {
-  const [tick, name, actions, gap, padding] = [1.2, 10, 7.2, 0.75, 1];
+  const [tick, name, actions, gap, padding] = [1.2, 12, 7.2, 0.75, 1];
   const specs: ColumnSpec[] = columns.map((column) => COLUMNS[column]);
   const width = specs.reduce((sum, { rem }) => sum + rem + gap, tick + name + actions + 2 * gap + padding);
   const middle = specs.map(({ rem, grows }) =>
@@ -153,7 +190,7 @@ export function tableColumns(columns: readonly Column[]): { template: string; wi
   );
   const template = [
     `${String(tick)}rem`,
-    `minmax(${String(name)}rem, 2fr)`,
+    `minmax(${String(name)}rem, 5fr)`,
     ...middle,
     `${String(actions)}rem`,
   ];

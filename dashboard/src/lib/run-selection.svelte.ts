@@ -15,10 +15,18 @@ export class RunSelection {
   /** Key of the view all of whose runs were selected; empty for none. */
   completed = $state("");
   readonly #runs = new SvelteMap<string, RunSummary>();
+  /** Ids of selected runs that are being loaded. */
+  #restored = $state.raw<readonly string[]>([]);
   readonly #latest = new LatestRequest();
+  readonly #latestRestore = new LatestRequest();
 
   get runs(): RunSummary[] {
     return [...this.#runs.values()];
+  }
+
+  /** Ids of the selected runs, also of those that are being loaded. */
+  get ids(): string[] {
+    return [...this.#runs.keys(), ...this.#restored.filter((id) => !this.#runs.has(id))];
   }
 
   get size(): number {
@@ -49,8 +57,22 @@ export class RunSelection {
 
   clear() {
     this.cancel();
+    this.#latestRestore.begin();
+    this.#restored = [];
     this.#runs.clear();
     this.completed = "";
+  }
+
+  /** Replaces the selection by the runs with these ids, which `load` reads. Runs that do not exist any more are left out. */
+  async restore(ids: readonly string[], load: (id: string) => Promise<RunSummary>) {
+    this.clear();
+    if (ids.length === 0) return;
+    const isCurrent = this.#latestRestore.begin();
+    this.#restored = ids;
+    const loaded = await Promise.allSettled(ids.map(load));
+    if (!isCurrent()) return;
+    this.add(loaded.flatMap((result) => (result.status === "fulfilled" ? [result.value] : [])));
+    this.#restored = [];
   }
 
   /** Ends a loading of all runs; none of its runs is selected. */

@@ -55,3 +55,17 @@ test("newer states replace selected runs only", () => {
   selection.update([{ ...run("run-0"), name: "renamed" }, run("other")]);
   expect(selection.runs.map(({ name }) => name)).toEqual(["renamed"]);
 });
+
+test("runs are selected by their ids, without those that do not exist", async () => {
+  const selection = new RunSelection();
+  const load = (id: string) =>
+    id === "gone" ? Promise.reject(new Error("unknown")) : Promise.resolve(run(id));
+  const restored = selection.restore(["run-1", "gone"], load);
+  expect([selection.ids, selection.size]).toEqual([["run-1", "gone"], 0]);
+  await restored;
+  expect([selection.ids, selection.size]).toEqual([["run-1"], 1]);
+  const late = selection.restore(["run-2"], load);
+  selection.clear();
+  await late;
+  expect(selection.ids).toEqual([]);
+});
