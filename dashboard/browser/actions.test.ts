@@ -45,7 +45,13 @@ test("a run is created, paused, resumed, archived and restored", async () => {
   await dialog.getByLabel("group size", { exact: true }).fill("4");
   await dialog.getByLabel("kessler/survival").check();
   await dialog.getByRole("button", { name: "Create" }).click();
+  // The page of the new run opens, and its sampler has drawn nothing that says something about the agent.
+  await page.getByRole("heading", { name: "mine", exact: true }).waitFor();
+  expect(new URL(page.url()).hash).toBe("#/runs/mine");
+  await expect.poll(() => page.locator("tr.task td.number").first().textContent()).toBe("–");
+  await page.goBack();
   await page.getByRole("rowheader", { name: "mine" }).waitFor();
+  expect(new URL(page.url()).hash).toBe("#/");
   const getRun = () => server.get<Run>("/v1/runs/mine");
   const { settings } = await getRun();
   expect([
@@ -138,7 +144,7 @@ test("two evaluated policies are compared", async () => {
   await press(page, "Compare A with B");
   await page.getByText("Difference in success rate, A").waitFor();
   const cells = await page.locator("tbody tr").first().locator("td").allTextContents();
-  expect(cells[2]).toMatch(/^[1-9]\d*\.\d % \[[1-9]/); // better than holding: a positive difference
+  expect(cells[2]).toMatch(/^\+[1-9]\d*\.\d pp \[\+[1-9]/); // better than holding: a positive difference
   expect(problems).toEqual([]);
 });
 

@@ -129,9 +129,10 @@ test.each([false, true])(
     const ends = page.locator("section", { hasText: "Values at the end" });
     const [ladder, uniform] = ["arm-ladder, strategy ladder", "arm-uniform, strategy uniform"];
     await ends.getByText(new RegExp(`^Is the difference real\\? ${uniform} `)).waitFor();
-    expect(await ends.getByText(/^[+−][\d.]+ %? ?\[[+−][\d.]+ %?, [+−][\d.]+ %?\]$/).count()).toBeGreaterThan(
-      0,
-    );
+    const interval = /^[+−][\d.]+( pp)? \[[+−][\d.]+( pp)?, [+−][\d.]+( pp)?\]$/;
+    expect(await ends.getByText(interval).count()).toBeGreaterThan(0);
+    expect(await ends.getByText(/^[+−].* pp/).count()).toBeGreaterThan(0);
+    expect(await ends.getByText(/^[+−].*%/).count()).toBe(0);
     await page.getByLabel("Baseline").selectOption(uniform);
     await ends.getByText(new RegExp(`^Is the difference real\\? ${ladder} `)).waitFor();
     await expect.poll(() => new URL(page.url()).hash).toContain("baseline=arm-uniform");
@@ -146,6 +147,46 @@ test.each([false, true])(
     await page.context().close();
   },
 );
+
+test("runs of several tasks have a summary over all tasks first, with the best run above", async () => {
+  const { server } = fixture;
+  for (const [id, policy_version] of [
+    ["both-1", 1],
+    ["both-2", 2],
+  ] as const) {
+    await createHeldRun(server, id, 24, {
+      seed: policy_version,
+      strategy: "ladder",
+      placement: false,
+      tasks: ["kessler/survival", "docking/single"],
+    });
+  }
+  const { page, problems } = await fixture.openPage();
+  await visit(page, server.url, "/compare?runs=both-1,both-2");
+  const summary = page.getByRole("region", { name: "All tasks at the end" });
+  await summary.getByText(/Means over the 2 tasks/).waitFor();
+  const heads = await summary.getByRole("columnheader").allTextContents();
+  expect(heads).toContain("Skill, last tenth");
+  const skills = await summary
+    .getByRole("row")
+    .filter({ has: page.getByRole("cell") })
+    .evaluateAll((rows) => rows.map((row) => row.textContent));
+  expect(skills).toHaveLength(2);
+  const [summaryAt, chartAt] = await Promise.all([
+    summary.boundingBox(),
+    page.locator(".u-over").first().boundingBox(),
+  ]);
+  expect(summaryAt?.y ?? Infinity).toBeLessThan(chartAt?.y ?? 0);
+  // The first task is the first one of the settings, and whole levels have no decimals.
+  expect(await page.getByRole("combobox", { name: /^Task/ }).inputValue()).toBe("kessler/survival");
+  const values = page.getByRole("region", { name: "Values at the end of survival" });
+  const level = heads.indexOf("Level at the end");
+  expect(await values.getByRole("row").nth(1).getByRole("cell").nth(level).textContent()).toMatch(
+    /^0baseline/,
+  );
+  expect(problems).toEqual([]);
+  await page.context().close();
+});
 
 test("an unknown run is named, and the others are compared", async () => {
   const observed = await fixture.openPage();

@@ -38,8 +38,9 @@ export class ComparedRuns {
   async #loadOne(id: string) {
     const path = { path: { run: id } };
     try {
-      const [run, series, sampler] = await Promise.all([
-        unwrap(client.GET("/v1/runs/{run}", { params: path })),
+      // First the run: an unknown one has a single error.
+      const run = await unwrap(client.GET("/v1/runs/{run}", { params: path }));
+      const [series, sampler] = await Promise.all([
         unwrap(
           client.GET("/v1/runs/{run}/series", {
             params: { ...path, query: { by: "episodes", points: POINTS.series } },

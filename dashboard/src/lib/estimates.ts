@@ -1,4 +1,5 @@
 /** Labels and number formats of the estimates of evaluations. */
+import { signed } from "./format";
 import type { Estimate, EvaluationEstimates, SuiteSection } from "./api-types";
 
 export const MEASURES = [
@@ -35,4 +36,13 @@ export function formatEstimate(measure: string, estimate: Estimate | null | unde
   const number = (value: number) =>
     share ? (100 * value).toFixed(1) : value.toFixed(measure === "fuel_used" ? 1 : 3);
   return `${number(estimate.mean)}${share ? " %" : ""} [${number(estimate.low)}, ${number(estimate.high)}]`;
+}
+
+/** Formats a difference of two estimates with its interval: "+2.0 pp [−1.0, +5.0]" or "+0.02 [−0.01, +0.05]". */
+export function formatDifference(measure: string, estimate: Estimate | null | undefined): string {
+  if (!estimate) return "–";
+  const isShare = shares.has(measure);
+  const number = (value: number) =>
+    signed(isShare ? 100 * value : value, (size) => size.toFixed(isShare ? 1 : 3));
+  return `${number(estimate.mean)}${isShare ? " pp" : ""} [${number(estimate.low)}, ${number(estimate.high)}]`;
 }
