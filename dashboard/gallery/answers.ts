@@ -60,7 +60,7 @@ function runPage(query: URLSearchParams, isEmpty: boolean) {
 function runPart(id: string, [part, ...rest]: string[], isEmpty: boolean): unknown {
   switch (part) {
     case undefined:
-      return runSummary(0, { id });
+      return id === "unknown" ? undefined : runSummary(0, { id });
     case "overview":
       return runOverview(id, isEmpty ? 0 : undefined);
     case "trainers":
