@@ -123,6 +123,8 @@ test("the charts are accessible in both colour schemes and on a phone", async ()
       route: `/runs/${run}`,
       text: "Sampler of",
     });
+    // A phone collapses the sampler below its title.
+    await observed.page.locator("summary", { hasText: "Sampler of" }).first().click();
     await observed.page.getByText("Values").first().click();
     const overflow = await observed.page.evaluate(
       () => document.documentElement.scrollWidth - document.documentElement.clientWidth,
