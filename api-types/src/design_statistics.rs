@@ -32,7 +32,7 @@ pub struct DesignStatistics {
     pub tasks: Vec<TaskDesigns>,
     /// Requests and cost by designer.
     pub designers: Vec<DesignerUsage>,
-    /// Health of the language model; null if none is configured.
+    /// Health of the server's language model for designs; null if it has none. A worker's own model is not shown.
     #[schema(value_type = Option<Object>)]
     pub llm: Option<Value>,
 }

@@ -10,7 +10,7 @@ use crate::ScenarioBracket;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum DesignerChoice {
-    /// The language model if the server has one, else the procedural designer.
+    /// The language model if the server or a worker that designs has one, else the procedural designer.
     Auto,
     /// The language model. The procedural designer makes the layouts that the model fails to deliver.
     Llm,

@@ -36,7 +36,8 @@ pub struct RemoteWorker {
     /// Why the worker was refused or expelled.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
-    /// Kinds of jobs that the worker takes: `prepare`, `audit`, `critique`.
+    /// Kinds of jobs that the worker takes: `prepare`, `audit`, `critique`, `design_procedural`, `design_llm`, `rollout_built_in`,
+    /// `rollout_file`, `rollout_chat`.
     pub kinds: Vec<String>,
     /// Number of jobs that the worker does at once.
     pub concurrency: u32,

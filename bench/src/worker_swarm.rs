@@ -120,7 +120,14 @@ impl Swarm {
             };
             let kinds = [JobKind::Audit].into_iter().collect();
             let host = format!("host{number}");
-            let config = WorkerConfig { nats, host, kinds, concurrency: 1, policies: Default::default() };
+            let config = WorkerConfig {
+                nats,
+                host,
+                kinds,
+                concurrency: 1,
+                policies: Default::default(),
+                designers: Default::default(),
+            };
             let (stop, stopped) = watch::channel(false);
             swarm.stops.push(stop);
             swarm.workers.spawn(async move {

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use env_core::space::{Levels, START_SCALE};
 use env_core::{Recipe, Scenario, Seed, SeedSpace, TaskSpec};
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::profile::FailureProfile;
@@ -18,7 +19,7 @@ pub const EASE_BELOW: f64 = 0.3;
 pub const HARDEN_ABOVE: f64 = 0.7;
 
 /// Request to a designer: the task and its limits, the agent's failures, and the outcomes of earlier layouts.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct DesignBrief {
     /// Number of layouts to design.
     pub count: usize,
@@ -41,7 +42,7 @@ pub struct DesignBrief {
 }
 
 /// Param that a design may choose, with its allowed values.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ParamChoice {
     /// Name of the param.
     pub param: String,
@@ -50,7 +51,7 @@ pub struct ParamChoice {
 }
 
 /// Mastery of a level, as the curriculum estimates it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LevelMastery {
     /// Number of contested scenarios in the estimate.
     pub n: u32,
@@ -63,7 +64,7 @@ pub struct LevelMastery {
 }
 
 /// Rung of a task for which layouts are designed.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct DesignRung {
     /// Level of the params; `None` if they belong to no level.
     pub level: Option<u32>,
@@ -107,7 +108,7 @@ pub struct PastLayout {
 }
 
 /// Outcome of a layout.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum LayoutOutcome {
     /// The gate refused it.
     Refused {

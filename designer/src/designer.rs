@@ -48,6 +48,8 @@ pub struct JudgedLayout {
     pub name: String,
     /// Design as the designer gave it; `None` for a scenario without a design.
     pub design: Option<Value>,
+    /// Number of the attempt, from which the base scenarios follow in which the gate judged the layout.
+    pub attempt: u64,
     /// Round in which the designer gave it: 1, and one more for each repair.
     pub round: u32,
     /// Verdict of the gate.

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use env_core::admission::{admit, count_panel_successes};
+use env_core::admission::{admit, count_panel_successes, is_contested, is_solvable};
 use env_core::bracket::{Bracket, MIN_GAP};
+use env_core::rollout::replay;
 use env_core::{Scenario, ScenarioId};
 use serde_json::Value;
 
@@ -69,6 +70,12 @@ impl Gate {
         self.language
     }
 
+    /// Returns the known designs, with those that the gate has admitted.
+    #[must_use]
+    pub fn archive(&self) -> &[Value] {
+        &self.archive
+    }
+
     /// Judges a design in the first of the base scenarios in which it passes: a layout that is impossible in one may be
     /// possible in the next. An admitted design is added to the archive.
     ///
@@ -99,6 +106,41 @@ impl Gate {
         }
         // No base scenario, no threat.
         Err(latest.unwrap_or(Refusal::Harmless { words: self.language.refusal_words() }))
+    }
+
+    /// Confirms that the gate of another process admitted a design in a base scenario. Everything is checked again, except that the
+    /// planner does not run: its plan is replayed, and the panel and the floor of the bracket are taken over. An admitted design is
+    /// added to the archive.
+    ///
+    /// # Errors
+    /// Returns a refusal if this gate would not admit the design with this bracket.
+    pub fn confirm(
+        &mut self,
+        brief: &DesignBrief,
+        design: &Value,
+        base: &Scenario,
+        bracket: Bracket,
+    ) -> Result<AdmittedLayout, Refusal> {
+        let words = self.language.refusal_words();
+        let design = self.language.parse(design, brief).map_err(Refusal::Schema)?;
+        let (scenario, kind) = self.language.build(&design, base)?;
+        check_bracket(&scenario, &bracket).map_err(Refusal::Compiles)?;
+        match kind {
+            LayoutKind::Threat if !is_contested(&scenario, &bracket) => {
+                return Err(uncontested(&scenario, &bracket, words));
+            }
+            LayoutKind::Threat => self.check_threat(&scenario, &bracket)?,
+            LayoutKind::Decoy if !is_acceptable(&scenario, &bracket) => {
+                let (reference, lost) = (bracket.reference.score, bracket.reference.lost);
+                return Err(Refusal::Unsolvable { reference, lost, words });
+            }
+            LayoutKind::Decoy => {
+                self.language.check_decoy(&scenario, &bracket).map_err(Refusal::Decoy)?;
+            }
+        }
+        let novelty = self.check_novelty(&design)?;
+        self.archive.push(design);
+        Ok(AdmittedLayout { scenario, bracket, kind, novelty })
     }
 
     /// Judges a complete scenario. If the provenance of its layout is a design, the scenario must equal the one that is
@@ -147,14 +189,18 @@ impl Gate {
     /// Checks a threat: fair, solvable, contested, a danger to an agent that acts blindly, and visible in time to act. Returns its
     /// bracket.
     fn judge_threat(&self, scenario: &Scenario) -> Result<Bracket, Refusal> {
-        let words = self.language.refusal_words();
-        let bracket = check_contested(scenario, words)?;
-        if self.language.is_harmless(scenario, &bracket) {
-            return Err(Refusal::Harmless { words });
+        let bracket = check_contested(scenario, self.language.refusal_words())?;
+        self.check_threat(scenario, &bracket)?;
+        Ok(bracket)
+    }
+
+    /// Checks a contested threat: a danger to an agent that acts blindly, and visible in time to act.
+    fn check_threat(&self, scenario: &Scenario, bracket: &Bracket) -> Result<(), Refusal> {
+        if self.language.is_harmless(scenario, bracket) {
+            return Err(Refusal::Harmless { words: self.language.refusal_words() });
         }
         // Last, since the planner explains a lack of fuel better.
-        self.language.check_reaction(scenario).map_err(Refusal::TooLate)?;
-        Ok(bracket)
+        self.language.check_reaction(scenario).map_err(Refusal::TooLate)
     }
 
     fn check_novelty(&self, design: &Value) -> Result<Option<f64>, Refusal> {
@@ -174,13 +220,32 @@ fn check_contested(scenario: &Scenario, words: &'static RefusalWords) -> Result<
     if is_contested {
         return Ok(bracket);
     }
-    Err(Refusal::Uncontested {
-        blind: count_panel_successes(scenario, &bracket),
+    Err(uncontested(scenario, &bracket, words))
+}
+
+/// Refusal of a scenario in which acting well does not matter enough.
+fn uncontested(scenario: &Scenario, bracket: &Bracket, words: &'static RefusalWords) -> Refusal {
+    Refusal::Uncontested {
+        blind: count_panel_successes(scenario, bracket),
         most: bracket.max_blind_successes(),
         panel: bracket.panel.len(),
         gap: bracket.reference.score - bracket.floor,
         words,
-    })
+    }
+}
+
+/// Checks that a bracket has a panel and finite scores, and that its plan reaches its reference.
+fn check_bracket(scenario: &Scenario, bracket: &Bracket) -> Result<(), FieldError> {
+    let field = |message: &str| FieldError::new("bracket", message);
+    let finite = bracket.panel.iter().all(|outcome| outcome.score.is_finite()) && bracket.floor.is_finite();
+    if bracket.panel.is_empty() || !finite {
+        return Err(field("must have a panel with finite scores"));
+    }
+    match replay(scenario, &bracket.reference_plan) {
+        Ok(outcome) if outcome == bracket.reference => Ok(()),
+        Ok(_) => Err(field("must have the outcome of its plan as its reference")),
+        Err(_) => Err(field("must have a plan that can be replayed")),
+    }
 }
 
 /// Fair scenario that the reference planner solves.
@@ -196,12 +261,18 @@ fn solve(scenario: &Scenario, words: &'static RefusalWords) -> Result<SolvedScen
         (Err(error), _) => return Err(Refusal::Unfair(error)),
         (Ok(()), None) => return Err(Refusal::Unsolvable { reference: 0.0, lost: 0, words }),
     };
-    let (reference, lost) = (bracket.reference.score, bracket.reference.lost);
-    // Where success is a skill between blind plans and the planner, a planner that is no better than they are cannot succeed: the
-    // scenario is not too hard.
-    let is_easy = scenario.task().blind_can_succeed() && lost == 0 && reference - bracket.floor < MIN_GAP;
-    if !admission.solvable && !is_easy {
+    if !is_acceptable(scenario, &bracket) {
+        let (reference, lost) = (bracket.reference.score, bracket.reference.lost);
         return Err(Refusal::Unsolvable { reference, lost, words });
     }
     Ok(SolvedScenario { bracket, is_contested: admission.contested })
+}
+
+/// True if the planner succeeds, or the scenario is not too hard: where success is a skill between blind plans and the planner, a
+/// planner that is no better than they are cannot succeed.
+fn is_acceptable(scenario: &Scenario, bracket: &Bracket) -> bool {
+    let is_easy = scenario.task().blind_can_succeed()
+        && bracket.reference.lost == 0
+        && bracket.reference.score - bracket.floor < MIN_GAP;
+    is_solvable(scenario, bracket) || is_easy
 }

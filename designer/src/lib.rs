@@ -7,6 +7,7 @@
 //!   model, [`replay`] reads layouts from a file.
 //! - [`DesignLanguage`] is the interface of a world whose layouts can be designed; [`docking`], [`kessler`] and [`tasking`]
 //!   implement it.
+//! - [`design_thread`] runs a designer beside other work, and [`reported`] checks layouts that another process made.
 //! - [`mutate`] edits scenarios for a curriculum, without a designer.
 //! - `registry` maps tasks to worlds, and is the only file that names all worlds.
 //!
@@ -17,6 +18,7 @@ mod bound;
 pub mod brief;
 mod design_fields;
 mod design_language;
+pub mod design_thread;
 mod designer;
 mod distance_parts;
 pub mod docking;
@@ -36,6 +38,7 @@ mod profile_sampling;
 mod refusal;
 mod registry;
 pub mod replay;
+pub mod reported;
 mod schema_forms;
 pub mod svg;
 pub mod tasking;

@@ -26,7 +26,24 @@ impl ProceduralDesigner {
     #[must_use]
     pub fn preview(brief: &DesignBrief, language: &dyn DesignLanguage, count: usize) -> Vec<Value> {
         let parents = Parents::select(brief, language);
-        (0..count as u64).filter_map(|number| attempt(brief, language, &parents, number).design).collect()
+        let attempts = (0..count as u64).filter_map(|number| attempt(brief, language, &parents, number));
+        attempts.map(|attempted| attempted.design).collect()
+    }
+
+    /// Repeats an attempt for a brief, before the gate judges it; `None` if the attempt finds no design.
+    #[must_use]
+    pub fn repeat_attempt(
+        brief: &DesignBrief,
+        language: &dyn DesignLanguage,
+        number: u64,
+    ) -> Option<AttemptedDesign> {
+        attempt(brief, language, &Parents::select(brief, language), number)
+    }
+
+    /// Returns the number of attempts after which the designer gives up.
+    #[must_use]
+    pub const fn max_attempts(brief: &DesignBrief) -> u64 {
+        (brief.count * ATTEMPTS_PER_LAYOUT) as u64
     }
 
     /// Designs layouts until enough are admitted or the attempts are used up. Ignores the time limit of the brief.
@@ -82,20 +99,20 @@ impl<'a> DesignRun<'a> {
     }
 
     fn is_finished(&self) -> bool {
-        let count = self.brief.count;
-        self.outcome.admitted() >= count || self.attempts >= (count * ATTEMPTS_PER_LAYOUT) as u64
+        let max_attempts = ProceduralDesigner::max_attempts(self.brief);
+        self.outcome.admitted() >= self.brief.count || self.attempts >= max_attempts
     }
 
     /// Makes one design and lets the gate judge it.
     fn attempt(&mut self, gate: &mut Gate) {
         let number = self.attempts;
         self.attempts += 1;
-        let Attempt { base, design } = attempt(self.brief, gate.language(), &self.parents, number);
-        let Some(mut design) = design else { return };
-        set_default_name(&mut design, number);
+        let attempted = attempt(self.brief, gate.language(), &self.parents, number);
+        let Some(AttemptedDesign { base, design }) = attempted else { return };
         let verdict = gate.judge(self.brief, &design, [base]);
         let name = design.get("name").and_then(Value::as_str).unwrap_or_default().to_owned();
-        self.outcome.judged.push(JudgedLayout { name, design: Some(design), round: 1, verdict });
+        let judged = JudgedLayout { name, design: Some(design), attempt: number, round: 1, verdict };
+        self.outcome.judged.push(judged);
     }
 }
 
@@ -127,10 +144,13 @@ impl<'a> Parents<'a> {
     }
 }
 
-/// Result of one attempt: the base scenario, and the design if one was found.
-struct Attempt {
-    base: Scenario,
-    design: Option<Value>,
+/// Design of an attempt, with the base scenario in which the gate judges it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AttemptedDesign {
+    /// The base scenario of the attempt.
+    pub base: Scenario,
+    /// The design, with a name.
+    pub design: Value,
 }
 
 /// Makes the `number`-th design of a brief: an edit of a parent, in the direction that its success rate asks for, or a new sample.
@@ -139,20 +159,23 @@ fn attempt(
     language: &dyn DesignLanguage,
     parents: &Parents<'_>,
     number: u64,
-) -> Attempt {
+) -> Option<AttemptedDesign> {
     let mut rng = KeyedRng::new(RngPurpose::Design, brief.seed, number);
     let is_edit = rng.bernoulli(EDIT_SHARE);
     let parent = rng.weighted_index(&parents.weights).map(|index| parents.layouts[index]);
-    if let Some(parent) = parent.filter(|_| is_edit) {
+    let (base, design) = if let Some(parent) = parent.filter(|_| is_edit) {
         let base = parent.seed.map_or_else(|| brief.base_scenario(number), |seed| brief.scenario(seed));
         let direction = parent.outcome.mean_success().and_then(EditDirection::of_success);
         let design = language.edit(&parent.design, brief, &base, direction, &mut rng);
-        Attempt { base, design }
+        (base, design)
     } else {
         let base = brief.base_scenario(number);
         let design = language.sample(brief, &base, &mut rng);
-        Attempt { base, design }
-    }
+        (base, design)
+    };
+    let mut design = design?;
+    set_default_name(&mut design, number);
+    Some(AttemptedDesign { base, design })
 }
 
 /// Names a design that has no name after its failure mode and its number.

@@ -125,7 +125,11 @@ impl FailureProfile {
         Ok(profile)
     }
 
-    fn validate(&self) -> Result<(), ProfileError> {
+    /// Checks the weights and sectors.
+    ///
+    /// # Errors
+    /// Returns [`ProfileError::Value`] if one is out of range.
+    pub fn validate(&self) -> Result<(), ProfileError> {
         let fault = |name: &str, number: String| ProfileError::Value(format!("{name} cannot be {number}"));
         for mode in &self.modes {
             let cells = mode.cells.iter().map(|cell| (cell.weight, cell.sector.unwrap_or(0)));

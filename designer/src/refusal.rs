@@ -75,6 +75,12 @@ impl GateCheck {
         }
     }
 
+    /// Returns the check with a name; `None` if there is none.
+    #[must_use]
+    pub fn of_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|check| check.as_str() == name)
+    }
+
     /// Returns the defect of a layout that fails the check, for counts in text, such as "3 duplicates".
     #[must_use]
     pub const fn defect(self) -> &'static str {
@@ -178,6 +184,14 @@ pub enum Refusal {
     /// The same scenario was admitted before.
     #[error("the scenario was admitted before; change a body or the seed")]
     Duplicate,
+    /// The gate of another process refused the layout.
+    #[error("{message}")]
+    Reported {
+        /// Check of the gate that failed.
+        check: GateCheck,
+        /// Message of the refusal.
+        message: String,
+    },
 }
 
 impl Refusal {
@@ -193,6 +207,7 @@ impl Refusal {
             Self::Harmless { .. } | Self::Uncontested { .. } => GateCheck::Contested,
             Self::Decoy(_) => GateCheck::Decoy,
             Self::Known { .. } | Self::Duplicate => GateCheck::New,
+            Self::Reported { check, .. } => *check,
         }
     }
 }

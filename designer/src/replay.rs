@@ -85,9 +85,9 @@ impl ReplayDesigner {
 
     fn judge_layouts(&mut self, brief: &DesignBrief, gate: &mut Gate) -> Result<DesignOutcome, DesignError> {
         let layouts = self.next_layouts(Some(brief.recipe.task().id()), brief.count)?;
-        let judged = layouts.into_iter().map(|StoredLayout { name, scenario }| {
+        let judged = (0..).zip(layouts).map(|(attempt, StoredLayout { name, scenario })| {
             let design = scenario.recipe().layout().and_then(|layout| layout.provenance.clone());
-            JudgedLayout { name, design, round: 1, verdict: gate.judge_scenario(&scenario) }
+            JudgedLayout { name, design, attempt, round: 1, verdict: gate.judge_scenario(&scenario) }
         });
         let usage = DesignUsage { rounds: 1, ..DesignUsage::default() };
         Ok(DesignOutcome { judged: judged.collect(), usage, ..DesignOutcome::default() })

@@ -61,6 +61,23 @@ impl LocalQueue {
         self.pools.of(job).current_num_threads()
     }
 
+    /// Computes something at background priority.
+    ///
+    /// # Errors
+    /// Returns [`JobError`] if the computation panics, or if the process stops.
+    pub(crate) async fn run_in_background<T: Send + 'static>(
+        &self,
+        compute: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, JobError> {
+        let (sender, receiver) = oneshot::channel();
+        self.pools.critique.spawn(move || {
+            let computed = std::panic::catch_unwind(AssertUnwindSafe(compute));
+            // The receiver is gone if the caller does not want the result any more.
+            drop(sender.send(computed.map_err(|_| JobError::Panicked)));
+        });
+        receiver.await.unwrap_or(Err(JobError::Cancelled))
+    }
+
     /// Does a job, and measures how long the computation takes.
     pub(crate) async fn run_timed(&self, job: Arc<JobPayload>) -> Result<TimedOutput, JobError> {
         let (sender, receiver) = oneshot::channel();

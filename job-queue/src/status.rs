@@ -1,5 +1,6 @@
 //! State of a queue and its workers, for operators.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use jobs::JobKind;
@@ -19,6 +20,24 @@ pub struct QueueStatus {
     pub counters: QueueCounters,
 }
 
+impl QueueStatus {
+    /// Language models of active workers that roll out `chat`, each once.
+    #[must_use]
+    pub fn chat_models(&self) -> Vec<String> {
+        let active = self.workers.iter().filter(|worker| worker.state == WorkerState::Active);
+        let rolls_out = active.filter(|worker| worker.kinds.contains(&JobKind::RolloutChat));
+        let models: BTreeSet<&String> = rolls_out.filter_map(|worker| worker.chat_model.as_ref()).collect();
+        models.into_iter().cloned().collect()
+    }
+
+    /// True if an active worker takes jobs of a kind.
+    #[must_use]
+    pub fn is_served(&self, kind: JobKind) -> bool {
+        let mut active = self.workers.iter().filter(|worker| worker.state == WorkerState::Active);
+        active.any(|worker| worker.kinds.contains(&kind))
+    }
+}
+
 /// Counters of a queue since the start of the server.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct QueueCounters {
@@ -26,6 +45,8 @@ pub struct QueueCounters {
     pub sent: u64,
     /// Jobs whose results came from workers.
     pub done_remotely: u64,
+    /// The same by kind, in the order of [`JobKind::ALL`].
+    pub done_by_kind: [u64; JobKind::ALL.len()],
     /// Jobs that the server did itself.
     pub done_locally: u64,
     /// Jobs that the server took back from the queue and did itself.
@@ -38,6 +59,17 @@ pub struct QueueCounters {
     pub bytes_sent: u64,
     /// Bytes of results that were received.
     pub bytes_received: u64,
+}
+
+impl QueueCounters {
+    /// Counts a job whose result came from a worker.
+    pub(crate) fn count_remote(&mut self, kind: JobKind, bytes: u64) {
+        self.done_remotely += 1;
+        self.bytes_received += bytes;
+        if let Some(count) = self.done_by_kind.get_mut(kind as usize) {
+            *count += 1;
+        }
+    }
 }
 
 /// State of a worker.
@@ -81,6 +113,8 @@ pub struct WorkerStatus {
     pub kinds: Vec<JobKind>,
     /// Number of jobs that it does at once.
     pub concurrency: u32,
+    /// Name of its language model for the policy `chat`, if it has one.
+    pub chat_model: Option<String>,
     /// Number of jobs that it does now.
     pub active: u32,
     /// State of the worker.

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::episode_batch::{EpisodeBatch, LoggedEpisode};
 use crate::wire::{
-    RecipeTable, ScenarioReader, ScenarioWriter, WireBracket, WireError, WireOutcome, WireScenario,
-    from_bytes, to_bytes,
+    MAX_ENTRIES, RecipeTable, ScenarioReader, ScenarioWriter, WireBracket, WireError, WireOutcome,
+    WireScenario, from_bytes, list, to_bytes,
 };
 
 /// Largest number of episodes that a thread replays together.
@@ -49,6 +49,7 @@ pub enum AuditOutput {
 #[derive(Serialize, Deserialize)]
 struct WireScenarios {
     recipes: RecipeTable,
+    #[serde(deserialize_with = "list::<_, _, MAX_ENTRIES>")]
     scenarios: Vec<WireScenario>,
 }
 
@@ -63,8 +64,8 @@ struct WireComputed(WireBracket, bool);
 
 #[derive(Serialize, Deserialize)]
 enum WireAudit {
-    Brackets(Vec<Option<WireComputed>>),
-    Replays(Vec<Result<WireOutcome, String>>),
+    Brackets(#[serde(deserialize_with = "list::<_, _, MAX_ENTRIES>")] Vec<Option<WireComputed>>),
+    Replays(#[serde(deserialize_with = "list::<_, _, MAX_ENTRIES>")] Vec<Result<WireOutcome, String>>),
 }
 
 impl AuditPayload {

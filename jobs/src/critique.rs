@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::episode_batch::{EpisodeBatch, LoggedEpisode};
-use crate::wire::{WireError, from_bytes, to_bytes};
+use crate::wire::{MAX_ENTRIES, WireError, from_bytes, list, to_bytes};
 
 /// Verdicts on actions, in the order of their counters.
 pub const VERDICTS: [Verdict; 4] = [Verdict::Needed, Verdict::Harmless, Verdict::Wasteful, Verdict::Harmful];
@@ -20,6 +20,7 @@ pub struct CritiqueFindings {
     /// Number of actions by verdict, in the order of [`VERDICTS`].
     pub verdicts: [i64; 4],
     /// Failures: the reasons why score was lost.
+    #[serde(deserialize_with = "list::<_, _, MAX_ENTRIES>")]
     pub failures: Vec<CritiqueFailure>,
 }
 
@@ -59,13 +60,20 @@ pub struct EncounterFinding {
 #[derive(Debug, Clone, PartialEq)]
 pub struct CritiqueOutput(pub Vec<Result<CritiqueFindings, String>>);
 
+/// Form of a [`CritiqueOutput`] as MessagePack.
+#[derive(Deserialize)]
+struct WireFindings(
+    #[serde(deserialize_with = "list::<_, _, MAX_ENTRIES>")] Vec<Result<CritiqueFindings, String>>,
+);
+
 impl CritiqueOutput {
     pub(crate) fn encode(&self) -> Result<Vec<u8>, WireError> {
         to_bytes(&self.0)
     }
 
     pub(crate) fn decode(bytes: &[u8]) -> Result<Self, WireError> {
-        from_bytes(bytes).map(Self)
+        let WireFindings(findings) = from_bytes(bytes)?;
+        Ok(Self(findings))
     }
 }
 

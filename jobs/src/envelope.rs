@@ -68,7 +68,7 @@ pub struct ResultEnvelope {
 pub enum JobReply {
     /// The job was done.
     Done {
-        /// The result: an encoded [`JobOutput`](crate::JobOutput), or the group of a rollout.
+        /// The result: an encoded [`JobOutput`](crate::JobOutput), the layouts of a design, or the group of a rollout.
         body: ReplyBody,
         /// Time that the worker computed, µs.
         micros: u64,

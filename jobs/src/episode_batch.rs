@@ -6,8 +6,8 @@ use env_core::{ActionLog, Scenario};
 use serde::{Deserialize, Serialize};
 
 use crate::wire::{
-    RecipeTable, ScenarioReader, ScenarioWriter, WireBytes, WireError, WireScenario, from_bytes,
-    log_from_wire, log_to_wire, to_bytes,
+    MAX_ENTRIES, RecipeTable, ScenarioReader, ScenarioWriter, WireBytes, WireError, WireScenario, from_bytes,
+    list, log_from_wire, log_to_wire, to_bytes,
 };
 
 /// An episode with its actions.
@@ -27,6 +27,7 @@ pub struct EpisodeBatch(pub Vec<LoggedEpisode>);
 #[derive(Serialize, Deserialize)]
 struct WireBatch {
     recipes: RecipeTable,
+    #[serde(deserialize_with = "list::<_, _, MAX_ENTRIES>")]
     episodes: Vec<WireEpisode>,
 }
 

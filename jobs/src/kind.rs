@@ -15,6 +15,10 @@ pub enum JobKind {
     Audit,
     /// Criticises episodes that were replayed.
     Critique,
+    /// Designs layouts by the procedural designer.
+    DesignProcedural,
+    /// Designs layouts by a language model.
+    DesignLlm,
     /// Rolls out a built-in policy.
     RolloutBuiltIn,
     /// Rolls out a policy file.
@@ -26,16 +30,18 @@ pub enum JobKind {
 /// A word that names no kind of jobs.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the kind of a job must be prepare, audit, critique, rollout_built_in, rollout_file or rollout_chat, got `{0}`"
+    "the kind of a job must be prepare, audit, critique, design_procedural, design_llm, rollout_built_in, rollout_file or rollout_chat, got `{0}`"
 )]
 pub struct UnknownJobKind(pub String);
 
 impl JobKind {
     /// All kinds, in the order of their declaration.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 8] = [
         Self::Prepare,
         Self::Audit,
         Self::Critique,
+        Self::DesignProcedural,
+        Self::DesignLlm,
         Self::RolloutBuiltIn,
         Self::RolloutFile,
         Self::RolloutChat,
@@ -48,10 +54,18 @@ impl JobKind {
             Self::Prepare => "prepare",
             Self::Audit => "audit",
             Self::Critique => "critique",
+            Self::DesignProcedural => "design_procedural",
+            Self::DesignLlm => "design_llm",
             Self::RolloutBuiltIn => "rollout_built_in",
             Self::RolloutFile => "rollout_file",
             Self::RolloutChat => "rollout_chat",
         }
+    }
+
+    /// True if jobs of this kind design layouts. Their payloads are in [`design`](crate::design).
+    #[must_use]
+    pub const fn is_design(self) -> bool {
+        matches!(self, Self::DesignProcedural | Self::DesignLlm)
     }
 
     /// True if jobs of this kind roll out a policy. Their payloads are in the crate `rollout`.

@@ -151,6 +151,9 @@ impl JobPayload {
             JobKind::Prepare => Self::Prepare(PreparePayload::decode(bytes)?),
             JobKind::Audit => Self::Audit(AuditPayload::decode(bytes)?),
             JobKind::Critique => Self::Critique(EpisodeBatch::decode(bytes)?),
+            JobKind::DesignProcedural | JobKind::DesignLlm => {
+                return Err(WireError::Mismatch("a design is no list of items"));
+            }
             JobKind::RolloutBuiltIn | JobKind::RolloutFile | JobKind::RolloutChat => {
                 return Err(WireError::Mismatch("a rollout is no pure function of its payload"));
             }

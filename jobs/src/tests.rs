@@ -120,6 +120,19 @@ fn envelopes_are_bounded_and_carry_the_token() {
     assert!(matches!(large, Err(EnvelopeError::TooLarge { .. })));
 }
 
+/// An entry of one byte can take hundreds in memory.
+#[test]
+fn long_lists_are_refused() {
+    let job = JobPayload::Audit(AuditPayload::Brackets(vec![episodes().0[0].scenario.clone()]));
+    let message = |entries: usize| {
+        let none: Vec<Option<u8>> = vec![None; entries];
+        rmp_serde::to_vec(&std::collections::BTreeMap::from([("Brackets", none)])).unwrap()
+    };
+    assert!(JobOutput::decode(&job, &message(1)).is_ok());
+    let refused = JobOutput::decode(&job, &message(1 << 20)).unwrap_err().to_string();
+    assert!(refused.contains("at most 65536 entries"), "{refused}");
+}
+
 #[test]
 fn world_version_is_stable_within_a_program() {
     assert_eq!(world_version(), world_version());

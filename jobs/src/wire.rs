@@ -3,6 +3,7 @@
 //! Every number keeps its bits. Recipes and proposals are JSON text inside, the form in which the database keeps them.
 
 use std::fmt;
+use std::marker::PhantomData;
 use std::sync::Arc;
 
 use env_core::{ActionLog, Bracket, EpisodeOutcome, LogError, Recipe, Scenario, ScenarioError, Seed};
@@ -48,6 +49,38 @@ pub(crate) fn to_bytes<T: Serialize>(value: &T) -> Result<Vec<u8>, WireError> {
 /// Reads a value from MessagePack.
 pub(crate) fn from_bytes<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, WireError> {
     Ok(rmp_serde::from_slice(bytes)?)
+}
+
+/// Largest number of entries of a list in a message. An entry can be much larger in memory than in the message, so the size of the
+/// message alone is no bound.
+pub(crate) const MAX_ENTRIES: usize = 65_536;
+
+/// Reads a list with at most `N` entries. To be used with `deserialize_with`.
+pub(crate) fn list<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(
+    deserializer: D,
+) -> Result<Vec<T>, D::Error> {
+    deserializer.deserialize_seq(ListVisitor::<T, N>(PhantomData))
+}
+
+struct ListVisitor<T, const N: usize>(PhantomData<T>);
+
+impl<'de, T: Deserialize<'de>, const N: usize> Visitor<'de> for ListVisitor<T, N> {
+    type Value = Vec<T>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "a list of at most {N} entries")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Vec<T>, A::Error> {
+        let mut entries = Vec::new();
+        while let Some(entry) = seq.next_element()? {
+            if entries.len() == N {
+                return Err(A::Error::invalid_length(N + 1, &self));
+            }
+            entries.push(entry);
+        }
+        Ok(entries)
+    }
 }
 
 /// Bytes that take one byte each in MessagePack.
@@ -98,7 +131,7 @@ pub(crate) struct WireScenario(u32, u64);
 
 /// Recipes of a message as JSON, each once.
 #[derive(Debug, Default, Serialize, Deserialize)]
-pub(crate) struct RecipeTable(Vec<String>);
+pub(crate) struct RecipeTable(#[serde(deserialize_with = "list::<_, _, MAX_ENTRIES>")] Vec<String>);
 
 /// Writes scenarios, and collects their recipes.
 #[derive(Default)]
@@ -182,6 +215,7 @@ impl From<WireOutcome> for EpisodeOutcome {
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct WireBracket {
     planner_version: u32,
+    #[serde(deserialize_with = "list::<_, _, MAX_ENTRIES>")]
     panel: Vec<WireOutcome>,
     floor: f64,
     reference: WireOutcome,

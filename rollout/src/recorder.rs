@@ -10,7 +10,7 @@ use env_core::task::{AgentReport, Episode, StepReport};
 use env_core::{ActionLog, JointAction, Scenario, ScenarioError, StepError, StopReason};
 use llm_policy::{Completion, TimeStep};
 use serde::{Deserialize, Serialize};
-use serde_json::value::RawValue;
+use serde_json::value::{RawValue, to_raw_value};
 
 use crate::step_record::{MAX_GROUP_BYTES, StepRecord};
 
@@ -101,9 +101,11 @@ pub struct RecordedEpisode {
 impl RecordedEpisode {
     /// Returns true if the recorded actions are those of the log, which alone is replayed.
     pub(crate) fn has_actions_of_log(&self) -> bool {
-        let of_log = self.log.steps().map(|step| Some(wire_step(&self.log, step)));
+        // Text is compared, because a value of a forged step can be much larger in memory.
+        let of_log = self.log.steps().map(|step| Some(wire_step(&self.log, step).to_string()));
         let of_log = of_log.chain(self.log.stopped.map(|_| None));
-        self.steps.iter().map(|step| step.action.clone()).eq(of_log)
+        let recorded = self.steps.iter().map(|step| step.action.as_deref().map(RawValue::get));
+        recorded.map(|action| action.map(str::to_owned)).eq(of_log)
     }
 }
 
@@ -195,7 +197,8 @@ impl<'a> EpisodeRecorder<'a> {
         if let Some(completions) = &mut completions {
             self.budget.limit_messages(completions);
         }
-        let action = Some(wire_step(&self.log, self.log.step(at)));
+        // Finite numbers have a JSON form.
+        let action = to_raw_value(&wire_step(&self.log, self.log.step(at))).ok();
         let (reward, done) = (self.report.reward, self.report.done);
         let agents = self.agent_results();
         self.steps.push(StepRecord { observation, action, reward, agents, done, error: None, completions });

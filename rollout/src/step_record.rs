@@ -3,7 +3,6 @@
 use api_types::AgentResult;
 use llm_policy::Completion;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 use serde_json::value::RawValue;
 
 /// Size of a group as JSON, in bytes, above which observations are left out, then conversations.
@@ -17,7 +16,7 @@ pub struct StepRecord {
     pub observation: Option<Box<RawValue>>,
     /// Actions of the agents, as in results: a list of `[agent, value, …]`. Null if the agent gave none: the episode was stopped at
     /// this step.
-    pub action: Option<Value>,
+    pub action: Option<Box<RawValue>>,
     /// The team's reward. At the step where the episode was stopped: the sum of all that doing nothing earned from there on.
     pub reward: f64,
     /// Every agent that was alive before the step.

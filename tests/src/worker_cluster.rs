@@ -1,6 +1,6 @@
 //! A server whose jobs workers do, with the NATS server between them.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
 use serde_json::Value;
@@ -154,14 +154,14 @@ impl WorkerCluster {
     /// Waits until every proposal has its scenario, and no episode waits for its critique.
     pub async fn wait_for_background_work(&self) {
         wait_until("background work ends", async || {
-            self.has_no_critiques().await && self.is_prepared().await
+            self.has_no_critiques().await && is_prepared(&self.db()).await
         })
         .await;
     }
 
     /// Waits until every proposal has its scenario.
     pub async fn wait_for_scenarios(&self) {
-        wait_until("the queue is prepared", async || self.is_prepared().await).await;
+        wait_until("the queue is prepared", async || is_prepared(&self.db()).await).await;
     }
 
     /// Reads the metrics of the server.
@@ -175,14 +175,16 @@ impl WorkerCluster {
     async fn has_no_critiques(&self) -> bool {
         self.metrics().await.contains("sparring_critique_waiting 0\n")
     }
+}
 
-    async fn is_prepared(&self) -> bool {
-        let waiting = "SELECT count(*) FROM proposals WHERE scenario IS NULL";
-        let mut conn =
-            SqliteConnectOptions::new().filename(self.db()).connect().await.expect("the database opens");
-        let waiting =
-            sqlx::query_scalar::<_, i64>(waiting).fetch_one(&mut conn).await.expect("the table exists");
-        let _ = conn.close().await;
-        waiting == 0
-    }
+/// True if every proposal of a database has its scenario.
+///
+/// # Panics
+/// Panics if the database cannot be read.
+pub async fn is_prepared(db: &Path) -> bool {
+    let waiting = "SELECT count(*) FROM proposals WHERE scenario IS NULL";
+    let mut conn = SqliteConnectOptions::new().filename(db).connect().await.expect("the database opens");
+    let waiting = sqlx::query_scalar::<_, i64>(waiting).fetch_one(&mut conn).await.expect("the table exists");
+    let _ = conn.close().await;
+    waiting == 0
 }

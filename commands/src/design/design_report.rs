@@ -95,7 +95,7 @@ impl DesignReport {
 impl LayoutResult {
     /// Creates the result of a judged layout.
     pub(super) fn new(designer: &'static str, task: &'static str, judged: JudgedLayout) -> Self {
-        let JudgedLayout { name, design, round, verdict } = judged;
+        let JudgedLayout { name, design, round, verdict, .. } = judged;
         let scenario = verdict.as_ref().ok().map(|admitted| admitted.scenario().clone());
         let verdict = verdict.map(|admitted| GateReport {
             bracket: admitted.bracket().clone(),

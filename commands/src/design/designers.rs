@@ -76,7 +76,8 @@ pub(super) fn judge_file(args: &Args) -> anyhow::Result<DesignReport> {
         let gate = gates.entry(task.id()).or_insert_with(|| Gate::new(language, Vec::new()));
         let design = scenario.recipe().layout().and_then(|layout| layout.provenance.clone());
         let verdict = gate.judge_scenario(&scenario);
-        let judged = JudgedLayout { name, design, round: 1, verdict };
+        let attempt = rows.len() as u64;
+        let judged = JudgedLayout { name, design, attempt, round: 1, verdict };
         let row = LayoutResult::new("replay", task.id(), judged);
         rows.push(LayoutResult { scenario: Some(scenario), ..row });
     }

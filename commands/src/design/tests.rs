@@ -79,8 +79,8 @@ fn outcome() -> DesignReport {
         let design = json!({"name": name, "aim": {"mode": "collision", "bearing_deg": bearing_deg}, "encounters": encounters});
         // Several base scenarios are tried, since the possible positions of bodies depend on the satellites.
         let verdict = gate.judge(&brief, &design, (0..32).map(|number| brief.base_scenario(number)));
-        let judged =
-            designer::JudgedLayout { name: name.to_owned(), design: Some(design), round: 1, verdict };
+        let (name, attempt) = (name.to_owned(), rows.len() as u64);
+        let judged = designer::JudgedLayout { name, design: Some(design), attempt, round: 1, verdict };
         rows.push(LayoutResult::new("llm", "kessler/survival", judged));
     }
     let mut usage = designer::DesignUsage {

@@ -13,6 +13,7 @@ mod tests;
 
 use std::sync::Arc;
 
+use env_core::Scenario;
 use llm::{
     ChatCall, ChatRequest, ChatResponse, LlmClient, LlmError, Message, OrderedSchema, Role, TokenUsage,
     sanitize_line_to,
@@ -208,10 +209,8 @@ async fn judge(
         if outcome.admitted() >= brief.count {
             break;
         }
-        // Each design gets base scenarios of its own: layouts with the same start would teach less.
-        let first = outcome.judged.len() as u64 * BASES_PER_DESIGN;
-        let bases = (first..first + BASES_PER_DESIGN).map(|number| brief.base_scenario(number));
-        let verdict = gate.judge(brief, &design, bases);
+        let attempt = outcome.judged.len() as u64;
+        let verdict = gate.judge(brief, &design, base_scenarios(brief, attempt));
         let name = design_name(&design);
         let json = serde_json::to_string(&OrderedSchema(&design)).unwrap_or_default();
         let is_short = json.len() <= MAX_DESIGN_BYTES;
@@ -224,10 +223,23 @@ async fn judge(
                 format!("round {round}: a layout of more than {MAX_DESIGN_BYTES} bytes was not stored");
             outcome.warnings.push(warning);
         }
-        outcome.judged.push(JudgedLayout { name, design: is_short.then_some(design), round, verdict });
+        outcome.judged.push(JudgedLayout {
+            name,
+            design: is_short.then_some(design),
+            attempt,
+            round,
+            verdict,
+        });
         tokio::task::yield_now().await;
     }
     refused
+}
+
+/// Returns the base scenarios in which the design of an attempt is tried. Each design gets its own: layouts with the same start would
+/// teach less.
+pub(crate) fn base_scenarios(brief: &DesignBrief, attempt: u64) -> impl Iterator<Item = Scenario> {
+    let first = attempt.saturating_mul(BASES_PER_DESIGN);
+    (first..first.saturating_add(BASES_PER_DESIGN)).map(|number| brief.base_scenario(number))
 }
 
 /// Returns the refused designs as the model's answer, and the message that asks for their repair.

@@ -24,6 +24,18 @@ pub struct NatsConfig {
     pub cluster: ClusterName,
 }
 
+impl NatsConfig {
+    /// Returns the URL without the user and password that it may contain.
+    pub(crate) fn shown_url(&self) -> String {
+        let redact = |one: &str| match (one.find("://"), one.rfind('@')) {
+            (Some(scheme), Some(at)) if scheme < at => format!("{}://{}", &one[..scheme], &one[at + 1..]),
+            (None, Some(at)) => one[at + 1..].to_owned(),
+            _ => one.to_owned(),
+        };
+        self.url.split(',').map(redact).collect::<Vec<_>>().join(",")
+    }
+}
+
 /// Reason why NATS cannot be used.
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{0}")]

@@ -23,6 +23,12 @@ pub(crate) struct Heartbeat {
     /// Number of calls of its language model that it makes at once; 0 if it rolls out no chat policy.
     #[serde(default)]
     pub(crate) chat_calls: u32,
+    /// Name of this language model, at most 200 characters.
+    #[serde(default)]
+    pub(crate) chat_model: Option<String>,
+    /// Number of design requests to its language model that it runs at once; 0 if it has none for designs.
+    #[serde(default)]
+    pub(crate) llm_designs: u32,
     /// Jobs that it holds.
     #[serde(default)]
     pub(crate) active: Vec<JobId>,

@@ -10,11 +10,15 @@ use serde::{Deserialize, Serialize};
 
 use super::{DrawContext, ParentScenario, PrepareError, PreparedScenario, SeedSource, prepare};
 use crate::wire::{
-    RecipeTable, ScenarioReader, ScenarioWriter, WireBracket, WireError, WireScenario, from_bytes, to_bytes,
+    MAX_ENTRIES, RecipeTable, ScenarioReader, ScenarioWriter, WireBracket, WireError, WireScenario,
+    from_bytes, list, to_bytes,
 };
 
 /// Time after which a job begins no further proposal, so that those behind a slow one are not delayed by it.
 const MAX_JOB_TIME: Duration = Duration::from_millis(10);
+
+/// Largest number of levels, and of their params, in a message.
+const MAX_LEVELS: usize = 1024;
 
 /// A proposal with everything that its preparation needs.
 #[derive(Debug, Clone)]
@@ -84,6 +88,7 @@ impl PendingProposal {
 #[derive(Serialize, Deserialize)]
 struct WireProposals {
     recipes: RecipeTable,
+    #[serde(deserialize_with = "list::<_, _, MAX_ENTRIES>")]
     proposals: Vec<WireProposal>,
 }
 
@@ -101,13 +106,16 @@ struct WireParent {
     scenario: WireScenario,
     bracket: WireBracket,
     is_contested: bool,
+    #[serde(deserialize_with = "list::<_, _, MAX_LEVELS>")]
     columns: Vec<String>,
+    #[serde(deserialize_with = "list::<_, _, MAX_LEVELS>")]
     rows: Vec<Vec<f64>>,
 }
 
 #[derive(Serialize, Deserialize)]
 struct WireOutcomes {
     recipes: RecipeTable,
+    #[serde(deserialize_with = "list::<_, _, MAX_ENTRIES>")]
     outcomes: Vec<WirePrepared>,
 }
 

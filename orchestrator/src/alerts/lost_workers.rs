@@ -58,6 +58,7 @@ mod tests {
             world: String::new(),
             kinds: Vec::new(),
             concurrency: 1,
+            chat_model: None,
             active: 0,
             state,
             reason: None,

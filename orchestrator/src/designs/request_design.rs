@@ -32,7 +32,7 @@ pub struct RequestDesign {
     pub count: Option<u32>,
     /// The designer; by default the run's.
     pub designer: Option<DesignerChoice>,
-    /// True if the server has a language model.
+    /// True if the server or a connected worker has a language model for designs.
     pub has_llm: bool,
 }
 
@@ -76,7 +76,7 @@ impl RequestDesign {
         })?;
         if self.designer == Some(DesignerChoice::Llm) && !self.has_llm {
             return Err(invalid(
-                "must be procedural, because the server has no language model; start it with --llm-url for llm",
+                "must be procedural, because neither the server nor a connected worker has a language model for designs; start one of them with --llm-url for llm",
             ));
         }
         Ok(designer)

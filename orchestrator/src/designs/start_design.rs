@@ -65,7 +65,7 @@ pub struct StartDesignRequest {
     pub run: String,
     /// Number of the request that waits; `None` starts one for the first task that is due.
     pub waiting: Option<i64>,
-    /// True if the server has a language model.
+    /// True if the server or a connected worker has a language model for designs.
     pub has_llm: bool,
 }
 

@@ -127,7 +127,7 @@ pub(super) mod tests {
         };
         StepRecord {
             observation: raw(r#"{"step":0}"#),
-            action: Some(json!([[0, 0.5, 0.25]])),
+            action: raw("[[0,0.5,0.25]]"),
             reward: 0.5,
             agents: vec![AgentResult { agent: 0, reward: 0.5, terminated: false, truncated: true }],
             done: true,

@@ -44,7 +44,7 @@ pub(super) fn start(config: &Config) -> Result<ServiceQueue, ThreadPoolBuildErro
     let server = server_name(&config.db);
     let config = NatsQueueConfig { nats, server, epoch, verified_share, min_job, patience };
     let (queue, notices) = NatsQueue::start(config, local);
-    let remote = RemoteQueue { notices, rollouts: queue.rollouts() };
+    let remote = RemoteQueue { notices, designs: queue.designs(), rollouts: queue.rollouts() };
     let queue: Arc<dyn JobQueue> = Arc::new(queue);
     let audits = AuditEngine { threads: audit, queue };
     Ok(ServiceQueue { audits, report_order: ReportOrder::of_arrival(), remote: Some(remote) })

@@ -1,13 +1,14 @@
 //! Runs design requests at background priority: those of users, and those that are due because the reserve runs low or the failure
-//! profile has changed. If a designer fails, its run continues.
+//! profile has changed. A worker on another machine designs if one has room, else this server. If a designer fails, its run continues.
 
 mod request;
-mod thread;
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use job_queue::nats::server::DesignQueue;
+use jobs::JobKind;
 use sqlx::SqlitePool;
 use store::design_counters;
 use store::design_queue::{self, DesignRequestRef};
@@ -44,6 +45,8 @@ pub(super) struct DesignWorker {
     pub wake: Arc<Notify>,
     /// Source of designers for runs.
     pub designers: Arc<dyn Designers>,
+    /// Designs by workers on other machines, if they are configured.
+    pub remote: Option<DesignQueue>,
 }
 
 /// Requests that are running, and runs that are not checked for now.
@@ -93,6 +96,12 @@ impl DesignWorker {
         }
     }
 
+    /// True if this server or a connected worker has a language model for designs.
+    fn has_llm(&self) -> bool {
+        let is_served = |remote: &DesignQueue| remote.is_served(JobKind::DesignLlm);
+        self.designers.has_llm() || self.remote.as_ref().is_some_and(is_served)
+    }
+
     /// Starts the requests that wait, and those that are due.
     async fn start_requests(
         &self,
@@ -139,7 +148,7 @@ impl DesignWorker {
         if is_paused || active.runs.contains(&run) {
             return Ok(());
         }
-        let change = StartDesignRequest { run: run.clone(), waiting, has_llm: self.designers.has_llm() };
+        let change = StartDesignRequest { run: run.clone(), waiting, has_llm: self.has_llm() };
         let started = match self.writer.change(change).await {
             Ok(started) => started,
             Err(error @ (ServiceError::Stopping | ServiceError::Busy)) => return Err(error),

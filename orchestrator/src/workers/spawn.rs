@@ -6,7 +6,7 @@ use std::sync::Arc;
 use clock::Clock;
 use futures_util::FutureExt;
 use futures_util::future::BoxFuture;
-use job_queue::nats::server::RolloutQueue;
+use job_queue::nats::server::{DesignQueue, RolloutQueue};
 use job_queue::status::QueueNotice;
 use policy_files::PolicyFolder;
 use rayon::{ThreadPool, ThreadPoolBuildError};
@@ -68,6 +68,8 @@ pub struct WorkerConfig {
 pub struct RemoteQueue {
     /// Notices about the workers.
     pub notices: UnboundedReceiver<QueueNotice>,
+    /// Designs by the workers.
+    pub designs: DesignQueue,
     /// Rollouts by the workers.
     pub rollouts: RolloutQueue,
 }
@@ -89,18 +91,8 @@ impl WorkerConfig {
     fn jobs(self) -> Result<Vec<BoxFuture<'static, ()>>, ThreadPoolBuildError> {
         let (rollouts, evaluator) = self.policy_workers()?;
         let alerts = self.alert_worker();
-        let feeds = self.feed_worker();
-        let Self {
-            clock,
-            lease_service,
-            signals,
-            ready,
-            sessions,
-            designers,
-            archived_retention,
-            remote,
-            ..
-        } = self;
+        let (feeds, designer) = (self.feed_worker(), self.design_worker());
+        let Self { clock, lease_service, signals, ready, sessions, archived_retention, remote, .. } = self;
         let LeaseService { writer, readers, .. } = &lease_service;
         let preparer = PrepareWorker {
             readers: readers.clone(),
@@ -114,12 +106,6 @@ impl WorkerConfig {
             writer: writer.clone(),
             wake: signals.critique,
             queue: Arc::clone(&lease_service.audits.queue),
-        };
-        let designer = DesignWorker {
-            readers: readers.clone(),
-            writer: writer.clone(),
-            wake: signals.design,
-            designers,
         };
         let archived = archived_retention.map(|retention| ArchivedRunWorker {
             readers: readers.clone(),
@@ -147,6 +133,17 @@ impl WorkerConfig {
         );
         jobs.extend(feeds.map(|worker| worker.run().boxed()));
         Ok(jobs)
+    }
+
+    /// Creates the worker that runs design requests.
+    fn design_worker(&self) -> DesignWorker {
+        DesignWorker {
+            readers: self.lease_service.readers.clone(),
+            writer: self.lease_service.writer.clone(),
+            wake: Arc::clone(&self.signals.design),
+            designers: Arc::clone(&self.designers),
+            remote: self.remote.as_ref().map(|remote| remote.designs.clone()),
+        }
     }
 
     /// Creates the worker that publishes trajectory feeds, if NATS is configured.

@@ -1,10 +1,11 @@
 //! Server side: jobs go to workers if that pays, and are done here if no worker can do them.
 //!
 //! [`NatsQueue`] decides for each job. `session` holds the connection to NATS, `pending` the jobs without a result, `registry` the
-//! workers, `costs` the estimates by which cheap jobs stay here, `verify` the trust in workers, and `rollouts` the groups that workers
-//! roll out.
+//! workers, `costs` the estimates by which cheap jobs stay here, `verify` the trust in workers, `designs` the layouts that workers
+//! design, and `rollouts` the groups that they roll out.
 
 mod costs;
+mod designs;
 mod pending;
 mod registry;
 mod rollouts;
@@ -28,6 +29,7 @@ use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
 use tokio::task::JoinHandle;
 
 use self::costs::CostEstimates;
+pub use self::designs::{DesignQueue, RemoteDesign, RemoteDesignError};
 use self::pending::{PendingJobs, RemoteEnd, RemoteReply, SentJob};
 use self::registry::{UnverifiedJob, WorkerRegistry};
 pub use self::rollouts::{RemoteRollout, RemoteRolloutError, RolloutQueue};
@@ -125,7 +127,7 @@ impl NatsQueue {
         let config = NatsQueueConfig { server: subject_word(&config.server), ..config };
         let world = world_version();
         let shared = Arc::new(Shared {
-            link: Mutex::new(Link::Down(format!("connecting to {}", redacted(&config.nats.url)))),
+            link: Mutex::new(Link::Down(format!("connecting to {}", config.nats.shown_url()))),
             pending: PendingJobs::new(config.epoch),
             registry: Mutex::new(WorkerRegistry::new(config.server.clone(), world)),
             costs: CostEstimates::default(),
@@ -138,6 +140,12 @@ impl NatsQueue {
         });
         let session = tokio::spawn(session::run(Arc::clone(&shared), due));
         (Self { shared, session }, noticed)
+    }
+
+    /// Returns the designs of the queue. They need the queue.
+    #[must_use]
+    pub fn designs(&self) -> DesignQueue {
+        DesignQueue(Arc::clone(&self.shared))
     }
 
     /// Returns the rollouts of the queue. They need the queue.
@@ -229,17 +237,22 @@ impl Shared {
 
     /// Sends a job and waits for its result. `None` if the server has to do the job itself.
     async fn run_remotely(self: &Arc<Self>, job: &Arc<JobPayload>) -> Option<Result<CompletedJob, JobError>> {
+        let reply = self.ask_worker(job.kind(), job.encode().ok()?).await?;
+        self.take_reply(job, reply).await
+    }
+
+    /// Sends a job of a kind with its encoded payload, and waits for the reply. `None` if no worker replies.
+    async fn ask_worker(&self, kind: JobKind, body: Vec<u8>) -> Option<RemoteReply> {
         let publisher = match &*self.link.lock() {
             Link::Up(publisher) => Arc::clone(publisher),
             Link::Down(_) => return None,
         };
-        let body = job.encode().ok()?;
-        let sent = self.pending.insert(job.kind());
+        let sent = self.pending.insert(kind);
         let guard = PendingGuard { shared: self, id: sent.id };
-        let end = self.send(&publisher, job.kind(), body, sent).await;
+        let end = self.send(&publisher, kind, body, sent).await;
         drop(guard);
         match end {
-            Some(RemoteEnd::Reply(reply)) => self.take_reply(job, *reply).await,
+            Some(RemoteEnd::Reply(reply)) => Some(*reply),
             Some(RemoteEnd::TakenBack) | None => {
                 self.count(|counters| counters.taken_back += 1);
                 None
@@ -331,10 +344,7 @@ impl Shared {
             Ok(true) => {}
         }
         let bytes = body.bytes().len();
-        self.count(|counters| {
-            counters.done_remotely += 1;
-            counters.bytes_received += bytes as u64;
-        });
+        self.count(|counters| counters.count_remote(job.kind(), bytes as u64));
         let unverified = UnverifiedJob { job: Arc::clone(job), output: output.clone(), bytes };
         self.registry.lock().count_job(&worker, unverified);
         Some(Ok(CompletedJob { output, receipt: self.receipt(acker) }))
@@ -382,14 +392,4 @@ impl Drop for PendingGuard<'_> {
     fn drop(&mut self) {
         self.shared.pending.remove(self.id);
     }
-}
-
-/// Returns a URL without the user and password that it may contain.
-fn redacted(url: &str) -> String {
-    let redact = |one: &str| match (one.find("://"), one.rfind('@')) {
-        (Some(scheme), Some(at)) if scheme < at => format!("{}://{}", &one[..scheme], &one[at + 1..]),
-        (None, Some(at)) => one[at + 1..].to_owned(),
-        _ => one.to_owned(),
-    };
-    url.split(',').map(redact).collect::<Vec<_>>().join(",")
 }

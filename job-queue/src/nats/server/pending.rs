@@ -12,8 +12,8 @@ use tokio::sync::oneshot;
 
 /// Longest time that a worker may hold a job, however often it reports to work on it.
 const MAX_JOB_AGE: Duration = Duration::from_secs(300);
-/// The same for a rollout, whose language model may take minutes for a step.
-const MAX_ROLLOUT_AGE: Duration = Duration::from_secs(3600);
+/// The same for a rollout or a design, whose language model may take minutes for a step.
+const MAX_MODEL_JOB_AGE: Duration = Duration::from_secs(3600);
 
 /// End of a job that was sent.
 pub(super) enum RemoteEnd {
@@ -128,7 +128,8 @@ impl PendingJobs {
         let mut jobs = self.jobs.lock();
         let is_lost = |id: &JobId, job: &PendingJob| {
             let age = job.sent_at.elapsed();
-            let max_age = if job.kind.is_rollout() { MAX_ROLLOUT_AGE } else { MAX_JOB_AGE };
+            let has_model = job.kind.is_rollout() || job.kind.is_design();
+            let max_age = if has_model { MAX_MODEL_JOB_AGE } else { MAX_JOB_AGE };
             !served.contains(&job.kind) || age > max_age || (age > patience && !active.contains(id))
         };
         let lost: Vec<JobId> = jobs.iter().filter(|(id, job)| is_lost(id, job)).map(|(id, _)| *id).collect();

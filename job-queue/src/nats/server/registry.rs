@@ -1,5 +1,8 @@
 //! Workers that a server knows, by their heartbeats and results.
 
+#[cfg(test)]
+mod tests;
+
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -183,6 +186,15 @@ impl WorkerRegistry {
         active.map(|record| record.heartbeat.concurrency as usize).sum()
     }
 
+    /// Number of design requests of a kind that the active workers design at once. Each designs one procedurally.
+    pub(super) fn design_slots(&self, kind: JobKind) -> usize {
+        let active = self.active().filter(|record| record.kinds.contains(&kind));
+        match kind {
+            JobKind::DesignLlm => active.map(|record| record.heartbeat.llm_designs as usize).sum(),
+            _ => active.count(),
+        }
+    }
+
     /// Number of calls of language models that the active workers make at once for rollouts.
     pub(super) fn chat_calls(&self) -> usize {
         let active = self.active().filter(|record| record.kinds.contains(&JobKind::RolloutChat));
@@ -223,6 +235,19 @@ impl WorkerRegistry {
         if let Some(record) = self.workers.get_mut(worker) {
             record.jobs += 1;
             record.unverified.push_back(unverified);
+        }
+    }
+
+    /// True if no heartbeat of a worker has arrived, so that nothing counts its results.
+    pub(super) fn is_unknown(&self, worker: &str) -> bool {
+        !self.workers.contains_key(worker)
+    }
+
+    /// Counts layouts that were designed, of which some were judged again. They say nothing about earlier jobs of other kinds.
+    pub(super) fn count_design(&mut self, worker: &str, verified: u64) {
+        if let Some(record) = self.workers.get_mut(worker) {
+            record.jobs += 1;
+            record.verified += verified;
         }
     }
 
@@ -289,6 +314,7 @@ impl WorkerRecord {
             world: heartbeat.world.clone(),
             kinds: self.kinds.clone(),
             concurrency: heartbeat.concurrency,
+            chat_model: heartbeat.chat_model.clone(),
             active: u32::try_from(heartbeat.active.len()).unwrap_or(u32::MAX),
             state: self.state,
             reason: self.reason.clone(),
@@ -298,94 +324,5 @@ impl WorkerRecord {
             verified: self.verified,
             last_seen: self.last_seen.elapsed(),
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn heartbeat(id: &str, host: &str, world: &str) -> Heartbeat {
-        Heartbeat {
-            id: id.to_owned(),
-            host: host.to_owned(),
-            version: "1".to_owned(),
-            world: world.to_owned(),
-            kinds: vec!["audit".to_owned(), "later".to_owned()],
-            concurrency: 4,
-            chat_calls: 0,
-            active: vec![JobId { epoch: 1, number: 2 }],
-            is_waiting: false,
-            is_leaving: false,
-        }
-    }
-
-    fn unverified() -> UnverifiedJob {
-        let job = JobPayload::Critique(jobs::EpisodeBatch::default());
-        UnverifiedJob {
-            job: Arc::new(job),
-            output: JobOutput::Critique(jobs::critique::CritiqueOutput(Vec::new())),
-            bytes: 10,
-        }
-    }
-
-    #[test]
-    fn a_worker_of_other_worlds_is_refused_with_both_versions() {
-        let mut registry = WorkerRegistry::new("s".to_owned(), "w1");
-        let HeartbeatReaction { answer, notice } = registry.note_heartbeat(heartbeat("a-1", "a", "w2"));
-        let Some(ControlMessage::Refused { reason }) = answer else { panic!("{answer:?}") };
-        assert!(reason.contains("w1") && reason.contains("w2") && reason.contains("a-1"), "{reason}");
-        assert!(matches!(notice, Some(QueueNotice::Refused(..))));
-        // It is announced once, and answered every time.
-        let again = registry.note_heartbeat(heartbeat("a-1", "a", "w2"));
-        assert!(again.notice.is_none() && again.answer.is_some());
-        assert!(registry.served_kinds().is_empty() && !registry.may_work("a-1"));
-    }
-
-    #[test]
-    fn a_worker_that_waits_is_welcomed_again() {
-        let mut registry = WorkerRegistry::new("s".to_owned(), "w1");
-        registry.note_heartbeat(heartbeat("a-1", "a", "w1"));
-        assert_eq!(registry.note_heartbeat(heartbeat("a-1", "a", "w1")).answer, None);
-        registry.stall_all();
-        assert_eq!(registry.slots(JobKind::Audit), 0);
-        let waiting = Heartbeat { is_waiting: true, ..heartbeat("a-1", "a", "w1") };
-        let HeartbeatReaction { answer, notice } = registry.note_heartbeat(waiting);
-        assert!(matches!(answer, Some(ControlMessage::Welcome { .. })));
-        assert!(matches!(notice, Some(QueueNotice::Joined(_))));
-    }
-
-    #[test]
-    fn an_expelled_host_stays_away_and_returns_its_jobs() {
-        let mut registry = WorkerRegistry::new("s".to_owned(), "w1");
-        for id in ["a-1", "a-2"] {
-            let reaction = registry.note_heartbeat(heartbeat(id, "a", "w1"));
-            assert!(matches!(reaction.answer, Some(ControlMessage::Welcome { .. })));
-        }
-        assert_eq!((registry.slots(JobKind::Audit), registry.slots(JobKind::Prepare)), (8, 0));
-        registry.count_job("a-1", unverified());
-        registry.count_agreement("a-1", 1);
-        registry.count_job("a-1", unverified());
-        registry.count_job("a-2", unverified());
-        let (identity, jobs) = registry.expel("a-1", "wrong").unwrap();
-        assert_eq!((identity.host.as_str(), jobs.len()), ("a", 2));
-        assert!(registry.expel("a-1", "wrong").is_none(), "it is expelled once");
-        assert!(!registry.may_work("a-2") && registry.slots(JobKind::Audit) == 0);
-        let reaction = registry.note_heartbeat(heartbeat("a-3", "a", "w1"));
-        assert!(matches!(reaction.answer, Some(ControlMessage::Expelled { .. })));
-    }
-
-    #[test]
-    fn results_are_verified_at_the_latest_when_many_are_not() {
-        let mut registry = WorkerRegistry::new("s".to_owned(), "w1");
-        assert!(registry.must_verify("unknown"));
-        registry.note_heartbeat(heartbeat("a-1", "a", "w1"));
-        for _ in 0..MAX_UNVERIFIED {
-            assert!(!registry.must_verify("a-1"));
-            registry.count_job("a-1", unverified());
-        }
-        assert!(registry.must_verify("a-1"));
-        registry.count_agreement("a-1", 1);
-        assert!(!registry.must_verify("a-1"));
     }
 }

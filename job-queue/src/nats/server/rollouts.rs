@@ -7,8 +7,8 @@ use jobs::JobKind;
 use jobs::envelope::JobReply;
 use rollout::{RolledOutGroup, RolloutJob, RolloutWireError};
 
-use super::pending::{RemoteEnd, RemoteReply};
-use super::{Link, PendingGuard, Shared};
+use super::pending::RemoteReply;
+use super::{Link, Shared};
 use crate::queue::Receipt;
 
 /// Rollouts by the workers of a server.
@@ -57,24 +57,8 @@ impl RolloutQueue {
     /// # Errors
     /// Returns [`RemoteRolloutError`] if no worker rolled it out.
     pub async fn roll_out(&self, job: &RolloutJob) -> Result<RemoteRollout, RemoteRolloutError> {
-        let shared = &self.0;
-        let publisher = match &*shared.link.lock() {
-            Link::Up(publisher) => Arc::clone(publisher),
-            Link::Down(_) => return Err(RemoteRolloutError::NoWorker),
-        };
-        let kind = job.policy.kind();
-        let body = job.encode()?;
-        let sent = shared.pending.insert(kind);
-        let guard = PendingGuard { shared, id: sent.id };
-        let end = shared.send(&publisher, kind, body, sent).await;
-        drop(guard);
-        match end {
-            Some(RemoteEnd::Reply(reply)) => shared.take_rollout(job, *reply),
-            Some(RemoteEnd::TakenBack) | None => {
-                shared.count(|counters| counters.taken_back += 1);
-                Err(RemoteRolloutError::NoWorker)
-            }
-        }
+        let reply = self.0.ask_worker(job.policy.kind(), job.encode()?).await;
+        self.0.take_rollout(job, reply.ok_or(RemoteRolloutError::NoWorker)?)
     }
 }
 
@@ -94,10 +78,7 @@ impl Shared {
             JobReply::Done { body, .. } => match RolledOutGroup::decode(job, body.bytes()) {
                 Ok(group) => {
                     let bytes = body.bytes().len() as u64;
-                    self.count(|counters| {
-                        counters.done_remotely += 1;
-                        counters.bytes_received += bytes;
-                    });
+                    self.count(|counters| counters.count_remote(job.policy.kind(), bytes));
                     self.registry.lock().count_rollout(&worker);
                     return Ok(RemoteRollout { group, receipt: self.receipt(acker) });
                 }

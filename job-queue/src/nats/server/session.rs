@@ -13,7 +13,7 @@ use tokio::sync::mpsc::UnboundedReceiver;
 
 use super::pending::RemoteReply;
 use super::registry::HeartbeatReaction;
-use super::{Link, Publisher, Shared, redacted};
+use super::{Link, Publisher, Shared};
 use crate::nats::connection::{Connection, NatsError};
 use crate::nats::membership::{self, Heartbeat};
 use crate::nats::names::last_word;
@@ -33,7 +33,7 @@ pub(super) async fn run(shared: Arc<Shared>, mut due: UnboundedReceiver<Acker>) 
     let mut was_degraded = false;
     loop {
         let Err(error) = serve(&shared, &mut due, &mut was_degraded).await;
-        let reason = format!("NATS at {} is away: {error}", redacted(&shared.config.nats.url));
+        let reason = format!("NATS at {} is away: {error}", shared.config.nats.shown_url());
         *shared.link.lock() = Link::Down(reason);
         shared.registry.lock().stall_all();
         shared.pending.take_all_back();
@@ -72,7 +72,7 @@ async fn serve(
     let mut heartbeats = heartbeats.map_err(|error| NatsError::new("heartbeats cannot be read", error))?;
     let objects = streams::job_objects(&context, cluster);
     *shared.link.lock() = Link::Up(Arc::new(Publisher { context, jobs, objects: objects.clone() }));
-    tracing::info!(url = redacted(&shared.config.nats.url), cluster = %cluster, "Connected to NATS.");
+    tracing::info!(url = shared.config.nats.shown_url(), cluster = %cluster, "Connected to NATS.");
     let mut ticks = tokio::time::interval(TICK);
     loop {
         tokio::select! {

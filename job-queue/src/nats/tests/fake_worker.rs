@@ -20,6 +20,7 @@ use crate::testing::NatsServer;
 /// A worker without the code of workers. Dropping it ends its heartbeats.
 pub(super) struct FakeWorker {
     pub(super) id: &'static str,
+    kind: JobKind,
     context: Context,
     heart: JoinHandle<()>,
 }
@@ -33,15 +34,20 @@ impl Drop for FakeWorker {
 impl FakeWorker {
     /// Joins with audits only.
     pub(super) async fn join(nats: &NatsServer, id: &'static str) -> Self {
+        Self::join_for(nats, id, JobKind::Audit).await
+    }
+
+    /// Joins with jobs of a kind only.
+    pub(super) async fn join_for(nats: &NatsServer, id: &'static str, kind: JobKind) -> Self {
         let client = async_nats::connect(nats.url()).await.unwrap();
-        let heart = tokio::spawn(beat(client.clone(), nats.url(), id));
-        Self { id, context: jetstream::new(client), heart }
+        let heart = tokio::spawn(beat(client.clone(), nats.url(), id, kind));
+        Self { id, kind, context: jetstream::new(client), heart }
     }
 
     /// Takes the next job.
     pub(super) async fn take(&self, nats: &NatsServer) -> (JobEnvelope, jetstream::message::Acker) {
         let consumer = loop {
-            match streams::jobs_consumer(&self.context, &config(nats).cluster, JobKind::Audit).await {
+            match streams::jobs_consumer(&self.context, &config(nats).cluster, self.kind).await {
                 Ok(consumer) => break consumer,
                 Err(_) => tokio::time::sleep(Duration::from_millis(20)).await,
             }
@@ -86,16 +92,18 @@ impl FakeWorker {
 }
 
 /// Sends heartbeats that never name a job.
-async fn beat(client: Client, url: String, id: &'static str) {
+async fn beat(client: Client, url: String, id: &'static str, kind: JobKind) {
     let cluster: crate::nats::ClusterName = "test".parse().unwrap();
     let heartbeat = Heartbeat {
         id: id.to_owned(),
         host: url,
         version: "0".to_owned(),
         world: world_version().to_owned(),
-        kinds: vec!["audit".to_owned()],
+        kinds: vec![kind.to_string()],
         concurrency: 64,
         chat_calls: 0,
+        chat_model: None,
+        llm_designs: 0,
         active: Vec::new(),
         is_waiting: false,
         is_leaving: false,

@@ -1,5 +1,6 @@
 //! Jobs on a real NATS server: every result is that of this process, whatever happens to workers, messages and connections.
 
+mod designs;
 mod fake_worker;
 mod faults;
 mod large;
@@ -24,7 +25,7 @@ use tokio::sync::watch;
 
 use super::NatsConfig;
 use super::server::{NatsQueue, NatsQueueConfig};
-use super::worker::{WorkerConfig, WorkerError, run_in_world};
+use super::worker::{WorkerConfig, WorkerDesigners, WorkerError, run_in_world};
 use crate::status::QueueNotice;
 use crate::testing::NatsServer;
 use crate::{CompletedJob, JobQueue, LocalQueue, QueuePools};
@@ -84,6 +85,7 @@ impl TestWorker {
             kinds: JobKind::ALL.into_iter().collect::<BTreeSet<_>>(),
             concurrency: 2,
             policies: rollout::PolicySources::default(),
+            designers: WorkerDesigners::default(),
         };
         let (stop, stopped) = watch::channel(false);
         let runtime =

@@ -11,7 +11,7 @@ use jobs::envelope::{JobEnvelope, JobReply, ReplyBody, ResultEnvelope};
 use jobs::{JobContext, JobPayload};
 use tokio::sync::oneshot;
 
-use super::{WorkerProcess, rollout_run};
+use super::{WorkerProcess, design_run, rollout_run};
 use crate::nats::streams::{self, JOB_ACK_WAIT};
 
 /// Attempts to send a result. After them the job is delivered to another worker.
@@ -103,6 +103,9 @@ impl HeldJob {
             let reason =
                 format!("the job is of the worlds {world}, this worker computes {}", self.state.world);
             return Some(JobReply::Refused(reason));
+        }
+        if kind.is_design() {
+            return Some(design_run::design(&self.state, &self.job.envelope).await);
         }
         if kind.is_rollout() {
             return Some(rollout_run::roll_out(&self.state, &self.job.envelope).await);

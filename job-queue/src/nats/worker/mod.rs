@@ -1,9 +1,10 @@
 //! Worker side: takes jobs from NATS, does them on threads of this process, and sends the results back.
 //!
 //! A worker takes jobs only after a server has welcomed it. It ends with an error if a server refuses or expels it, and connects again
-//! by itself if NATS is away. `takers` has the loops that take jobs, `job_run` does one job, `rollout_run` a rollout, and `run_versions`
-//! knows which rollouts are not wanted any more.
+//! by itself if NATS is away. `takers` has the loops that take jobs, `job_run` does one job, `design_run` a design, `rollout_run` a
+//! rollout, and `run_versions` knows which rollouts are not wanted any more.
 
+mod design_run;
 mod job_run;
 mod rollout_run;
 mod run_versions;
@@ -25,6 +26,7 @@ use rollout::PolicySources;
 use tokio::sync::{Semaphore, watch};
 use tokio::task::JoinSet;
 
+pub use self::design_run::WorkerDesigners;
 use self::run_versions::RunVersions;
 use super::connection::{Connection, NatsConfig, NatsError};
 use super::membership::{self, ControlMessage, Heartbeat};
@@ -36,6 +38,12 @@ const HEARTBEAT_INTERVAL: Duration = Duration::from_secs(1);
 const RETRY_PAUSE: Duration = Duration::from_secs(1);
 /// Heartbeats without an answer after which the worker logs that it waits.
 const SILENT_HEARTBEATS: u32 = 10;
+/// Nice value of threads that do jobs: other programs of the machine come first.
+const JOB_NICE: i32 = 5;
+/// Nice value of threads that design: replays come first.
+const BACKGROUND_NICE: i32 = 19;
+/// Largest number of characters of a model's name in a heartbeat.
+const MAX_MODEL_CHARS: usize = 200;
 /// Time that running jobs have to finish when the worker stops.
 const STOP_TIMEOUT: Duration = Duration::from_secs(10);
 
@@ -52,12 +60,20 @@ pub struct WorkerConfig {
     pub concurrency: usize,
     /// Policies that it can roll out, besides the built-in ones.
     pub policies: PolicySources,
+    /// Designers of layouts, besides the procedural one.
+    pub designers: WorkerDesigners,
 }
 
 impl WorkerConfig {
     /// Number of calls of the language model that rollouts make at once; 0 without a model.
     fn chat_calls(&self) -> usize {
         self.policies.endpoint.as_ref().map_or(0, |endpoint| endpoint.llm.config().concurrency)
+    }
+
+    /// Name of the language model of rollouts, shortened.
+    fn chat_model(&self) -> Option<String> {
+        let endpoint = self.policies.endpoint.as_ref()?;
+        Some(endpoint.llm.config().model.chars().take(MAX_MODEL_CHARS).collect())
     }
 }
 
@@ -90,9 +106,30 @@ pub(super) struct WorkerProcess {
     active: Mutex<BTreeSet<JobId>>,
     /// One permit for each job that may run.
     permits: Arc<Semaphore>,
-    /// One permit for each call of the language model.
+    /// One permit for each call of the language model that acts.
     chat_calls: Arc<Semaphore>,
+    /// One permit: the procedural designer computes, as it does in a server.
+    procedural_designs: Arc<Semaphore>,
+    /// One permit for each request to the language model that designs.
+    llm_designs: Arc<Semaphore>,
     run_versions: RunVersions,
+}
+
+impl WorkerProcess {
+    /// Permits of a kind of jobs that need no thread of the pool. Such a job is taken once a permit is free, and is left to other
+    /// workers until then.
+    fn own_permits(&self, kind: JobKind) -> Option<Arc<Semaphore>> {
+        match kind {
+            JobKind::RolloutChat => Some(Arc::clone(&self.chat_calls)),
+            JobKind::DesignProcedural => Some(Arc::clone(&self.procedural_designs)),
+            JobKind::DesignLlm => Some(Arc::clone(&self.llm_designs)),
+            JobKind::Prepare
+            | JobKind::Audit
+            | JobKind::Critique
+            | JobKind::RolloutBuiltIn
+            | JobKind::RolloutFile => None,
+        }
+    }
 }
 
 /// Runs a worker until `stop` becomes true.
@@ -115,7 +152,7 @@ pub(super) async fn run_in_world(
     let pool = ThreadPoolBuilder::new()
         .num_threads(concurrency)
         .thread_name(|i| format!("job-{i}"))
-        .start_handler(|_| lower_priority())
+        .start_handler(|_| lower_priority(JOB_NICE))
         .build()?;
     let id = format!("{}-{:06x}", subject_word(&config.host), rand::random::<u32>() & 0x00ff_ffff);
     let permits = Arc::new(Semaphore::new(concurrency));
@@ -127,6 +164,8 @@ pub(super) async fn run_in_world(
         active: Mutex::default(),
         permits,
         chat_calls: Arc::new(Semaphore::new(config.chat_calls())),
+        procedural_designs: Arc::new(Semaphore::new(1)),
+        llm_designs: Arc::new(Semaphore::new(config.designers.llm_designs())),
         run_versions: RunVersions::default(),
         config,
     });
@@ -269,6 +308,8 @@ async fn send_heartbeat(state: &WorkerProcess, client: &Client, phase: WorkerPha
         kinds: config.kinds.iter().map(ToString::to_string).collect(),
         concurrency: u32::try_from(config.concurrency.max(1)).unwrap_or(u32::MAX),
         chat_calls: u32::try_from(config.chat_calls()).unwrap_or(u32::MAX),
+        chat_model: config.chat_model(),
+        llm_designs: u32::try_from(config.designers.llm_designs()).unwrap_or(u32::MAX),
         active: active.lock().iter().copied().collect(),
         is_waiting: phase == WorkerPhase::Waiting,
         is_leaving: phase == WorkerPhase::Leaving,
@@ -278,10 +319,12 @@ async fn send_heartbeat(state: &WorkerProcess, client: &Client, phase: WorkerPha
     sent.map_err(|error| NatsError::new("a heartbeat cannot be sent", error))
 }
 
-/// Lowers the priority of the current thread: other programs of the machine come first.
-fn lower_priority() {
+/// Lowers the priority of the current thread to a nice value.
+fn lower_priority(nice: i32) {
+    #[cfg(not(target_os = "linux"))]
+    let _ = nice;
     #[cfg(target_os = "linux")]
-    if let Err(error) = rustix::process::nice(5) {
+    if let Err(error) = rustix::process::nice(nice) {
         tracing::debug!(error = %error, "The priority of a thread could not be lowered.");
     }
 }

@@ -40,21 +40,20 @@ pub(super) fn spawn(state: &Arc<WorkerProcess>, context: &Context, takers: &mut 
     }
 }
 
-/// Takes jobs of a kind. One job waits for a free thread while the others run. Conversations need no thread: such a job is taken once a
-/// call of the model is free, and is left to other workers until then.
+/// Takes jobs of a kind. One job waits for a free thread while the others run. Conversations and designs have permits of their own.
 async fn take_jobs(state: &Arc<WorkerProcess>, context: &Context, kind: JobKind) -> Result<(), NatsError> {
     let cluster = &state.config.nats.cluster;
     let consumer = streams::jobs_consumer(context, cluster, kind).await?;
     let objects = streams::job_objects(context, cluster);
     loop {
-        let call = match kind {
-            JobKind::RolloutChat => Some(Arc::clone(&state.chat_calls).acquire_owned().await),
-            _ => None,
+        let own = match state.own_permits(kind) {
+            Some(permits) => Some(permits.acquire_owned().await),
+            None => None,
         };
         let Some(received) = next_job(&consumer, &objects).await? else { continue };
         let held = HeldJob::new(Arc::clone(state), received);
-        let permit = match call {
-            Some(call) => call,
+        let permit = match own {
+            Some(own) => own,
             None => held.wait_for(Arc::clone(&state.permits).acquire_owned()).await,
         };
         let Ok(permit) = permit else { return Ok(()) };

@@ -4,10 +4,13 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use designer::Gate;
+use designer::design_thread::{DesignResult, DesignTask, run_designer};
+use job_queue::Receipt;
+use job_queue::nats::server::{DesignQueue, RemoteDesign};
+use jobs::design::{DesignJob, JobDesigner};
 use tokio::sync::{Semaphore, watch};
 
 use super::DesignWorker;
-use super::thread::{DesignResult, DesignTask, run_designer};
 use crate::designs::DesignerKind;
 use crate::designs::brief::{self, BriefWithArchive};
 use crate::designs::finish_design::{FinishDesignRequest, MadeLayout};
@@ -15,19 +18,25 @@ use crate::designs::place::Place;
 use crate::designs::start_design::StartedDesignRequest;
 use crate::engine::error::ServiceError;
 use crate::metrics;
+use crate::threads::ThreadPriority;
 
 /// Maximum number of tries to store the result of a request.
 const MAX_STORE_TRIES: u32 = 30;
 /// Pause between two tries to store a result.
 const STORE_RETRY_PAUSE: Duration = Duration::from_secs(2);
 
+/// Maximum number of workers that are asked for a design that the server cannot make itself.
+const MAX_REMOTE_ATTEMPTS: usize = 3;
+/// Pause between two of these workers.
+const REMOTE_RETRY_PAUSE: Duration = Duration::from_secs(1);
+
 /// Shared state of all requests.
 #[derive(Clone)]
 pub(super) struct DesignContext {
     pub(super) worker: DesignWorker,
-    /// Limits the procedural designer, which computes, to one request.
+    /// Limits the procedural designer, which computes, to one request of this server.
     pub(super) procedural: Arc<Semaphore>,
-    /// Limits concurrent requests to language models.
+    /// Limits concurrent requests of this server to language models.
     pub(super) llm: Arc<Semaphore>,
     /// Closes when the service stops.
     pub(super) stopping: watch::Receiver<()>,
@@ -41,7 +50,8 @@ impl DesignContext {
         let (id, run) = (request.id, request.run.clone());
         let empty = FinishDesignRequest::empty(id, run.clone(), request.task.clone());
         let mut finish = FinishDesignRequest { place: request.place, ..empty };
-        finish.error = self.make_layouts(&request, &mut finish).await.err();
+        let mut receipt = Receipt::default();
+        finish.error = self.make_layouts(&request, &mut finish, &mut receipt).await.err();
         finish.elapsed = started_at.elapsed();
         match &finish.error {
             Some(error) => {
@@ -51,7 +61,11 @@ impl DesignContext {
         }
         for _ in 0..MAX_STORE_TRIES {
             match self.worker.writer.change(finish.clone()).await {
-                Ok(_) | Err(ServiceError::Stopping) => break,
+                Ok(_) => {
+                    receipt.acknowledge();
+                    break;
+                }
+                Err(ServiceError::Stopping) => break,
                 Err(error) if error.is_temporary() => tokio::time::sleep(STORE_RETRY_PAUSE).await,
                 Err(error) => {
                     tracing::error!(run, request = id, error = %error, "The result of a design request cannot be stored.");
@@ -64,11 +78,13 @@ impl DesignContext {
         }
     }
 
-    /// Asks the requested designer, and the procedural one for the layouts that are then missing.
+    /// Asks the requested designer, and the procedural one for the layouts that are then missing. Adds what to acknowledge after the
+    /// commit to `receipt`.
     async fn make_layouts(
         &self,
         request: &StartedDesignRequest,
         finish: &mut FinishDesignRequest,
+        receipt: &mut Receipt,
     ) -> Result<(), String> {
         let BriefWithArchive { mut brief, archive } = {
             let mut conn = self.worker.readers.acquire().await.map_err(|error| error.to_string())?;
@@ -80,7 +96,7 @@ impl DesignContext {
         if request.designer == DesignerKind::Llm {
             let task = DesignTask { brief: brief.clone(), gate };
             match self.run_designer(DesignerKind::Llm, &request.run, task).await {
-                Ok(result) => gate = finish.add(result),
+                Ok(design) => gate = finish.add(design, receipt),
                 Err(error) => {
                     finish.warnings.push(format!("the language model failed: {error}"));
                     gate = Gate::new(language, archive);
@@ -100,22 +116,67 @@ impl DesignContext {
         }
         brief.count = missing;
         let task = DesignTask { brief, gate };
-        finish.add(self.run_designer(DesignerKind::Procedural, &request.run, task).await?);
+        finish.add(self.run_designer(DesignerKind::Procedural, &request.run, task).await?, receipt);
         Ok(())
     }
 
-    /// Runs a designer, after waiting for its turn.
+    /// Lets a worker on another machine run a designer if one has room; else runs it here, after waiting for its turn.
     async fn run_designer(
         &self,
         kind: DesignerKind,
         run: &str,
         task: DesignTask,
-    ) -> Result<DesignResult, String> {
+    ) -> Result<RemoteDesign, String> {
         let designer = self.worker.designers.designer(kind, run);
-        let designer = designer.ok_or_else(|| format!("the server has no {kind} designer"))?;
+        let mut error = format!("the server has no {kind} designer");
+        if let Some(remote) = &self.worker.remote {
+            match self.design_remotely(remote, kind, run, &task, designer.is_some()).await {
+                Some(Ok(design)) => return Ok(design),
+                Some(Err(reason)) => error = reason,
+                None => {}
+            }
+        }
+        let designer = designer.ok_or(error)?;
         let limit = if kind == DesignerKind::Procedural { &self.procedural } else { &self.llm };
         let _permit = limit.acquire().await.map_err(|_| "the server is stopping".to_owned())?;
-        run_designer(designer, task, self.stopping.clone()).await
+        let begin = || ThreadPriority::Background.apply();
+        let result = run_designer(designer, task, begin, self.stopping.clone()).await?;
+        Ok(RemoteDesign { result, receipt: Receipt::default() })
+    }
+
+    /// Asks a worker for a design, or several in turn if it is not possible here. `None` if no worker takes such requests now.
+    async fn design_remotely(
+        &self,
+        remote: &DesignQueue,
+        kind: DesignerKind,
+        run: &str,
+        task: &DesignTask,
+        is_possible_here: bool,
+    ) -> Option<Result<RemoteDesign, String>> {
+        let designer = match kind {
+            DesignerKind::Procedural => JobDesigner::Procedural,
+            DesignerKind::Llm => JobDesigner::Llm,
+        };
+        // A request that is possible here does not wait for a worker.
+        let may_wait = !is_possible_here && remote.is_served(designer.kind());
+        if !may_wait && !remote.has_room(designer.kind()) {
+            return None;
+        }
+        let (brief, archive) = (task.brief.clone(), task.gate.archive().to_vec());
+        let job = Arc::new(DesignJob { run: run.to_owned(), designer, brief, archive });
+        let mut attempt = 1;
+        loop {
+            let error = match remote.design(Arc::clone(&job)).await {
+                Ok(design) => return Some(Ok(design)),
+                Err(error) => error,
+            };
+            tracing::debug!(run, %error, "No worker made a design.");
+            if is_possible_here || attempt >= MAX_REMOTE_ATTEMPTS {
+                return Some(Err(error.to_string()));
+            }
+            attempt += 1;
+            tokio::time::sleep(REMOTE_RETRY_PAUSE).await;
+        }
     }
 }
 
@@ -135,8 +196,10 @@ impl FinishDesignRequest {
         }
     }
 
-    /// Adds the result of a designer, and returns its gate.
-    fn add(&mut self, DesignResult { designer, outcome, gate }: DesignResult) -> Gate {
+    /// Adds the result of a designer and what to acknowledge for it, and returns its gate.
+    fn add(&mut self, design: RemoteDesign, receipt: &mut Receipt) -> Gate {
+        let RemoteDesign { result: DesignResult { designer, outcome, gate }, receipt: due } = design;
+        receipt.merge(due);
         self.made.extend(outcome.judged.into_iter().map(|judged| MadeLayout { designer, judged }));
         self.warnings.extend(outcome.warnings);
         let used = outcome.usage;

@@ -12,6 +12,8 @@ mod tasking;
 use serde_json::{Value, json};
 use system_tests::{ApiClient, Lease, wait_for};
 
+pub(crate) use self::scripted_designer::request_design;
+
 pub(crate) const TASK: &str = "kessler/survival";
 
 /// Creates a run of one task with contested groups only and the given design settings.

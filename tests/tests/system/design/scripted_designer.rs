@@ -108,7 +108,8 @@ fn invalid_designs(brief: &DesignBrief, gate: &mut Gate) -> DesignOutcome {
             _ => Value::Null,
         };
         let verdict = gate.judge(brief, &design, [brief.base_scenario(0)]);
-        JudgedLayout { name: long.clone(), design: Some(design), round: u32::MAX, verdict }
+        let (name, design, attempt) = (long.clone(), Some(design), number.into());
+        JudgedLayout { name, design, attempt, round: u32::MAX, verdict }
     });
     let usage = DesignUsage {
         model: Some(long.clone()),

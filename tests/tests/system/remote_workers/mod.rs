@@ -1,9 +1,12 @@
 //! A server with workers on NATS: its database is the same with none, one or eight workers, killed or not.
 
+mod designs;
 mod operation;
+mod outage;
 mod rollouts;
 pub(crate) mod secure_nats;
 mod security;
+mod servers;
 mod stored_state;
 
 use serde_json::json;
@@ -15,6 +18,13 @@ use self::stored_state::{StoredState, read_state};
 const RUN_SETTINGS: &str = r#"{"id": "run", "seed": 77, "group_size": 2, "target": "mastery", "design": {"designer": "off"},
     "tasks": ["kessler/survival", "kessler/eco_station"]}"#;
 const ROUNDS: usize = 12;
+/// Answer of a language model that designs: two layouts that the gate admits.
+const LAYOUTS: &str = r#"{"layouts": [
+    {"name": "ahead", "aim": {"mode": "collision", "bearing_deg": 90}, "frame": "radial_in_track", "encounters":
+        [{"kind": "threat", "satellite": 0, "step": 8, "bearing_deg": 90, "relative_speed": 40, "miss_distance": 19}]},
+    {"name": "behind", "aim": {"mode": "collision", "bearing_deg": 270}, "frame": "radial_in_track", "encounters":
+        [{"kind": "threat", "satellite": 0, "step": 9, "bearing_deg": 270, "relative_speed": 40, "miss_distance": 19}]}
+]}"#;
 
 /// Creates the run of all tests.
 async fn create_run(cluster: &WorkerCluster) {

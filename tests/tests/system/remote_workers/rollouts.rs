@@ -7,9 +7,10 @@ use system_tests::mock_llm::{
     API_KEY, GatedEndpoint, HOLD_ACTION, chat_response, contains_api_key, start_endpoint,
 };
 use system_tests::worker_cluster::{WorkerProcess, nats_options};
-use system_tests::{ApiClient, ServerProcess, wait_until};
+use system_tests::{ApiClient, wait_until};
 
 use super::secure_nats::{SecureNats, as_strs};
+use super::servers::{OptionServer, done_remotely, wait_for_kind, workers};
 use super::*;
 use crate::trajectories::{
     ack, all_leases, assert_group_replays, claim, counted_episodes, create_run, ids, number, policy,
@@ -19,44 +20,6 @@ use crate::trajectories::{
 const ONNX: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/onnx");
 /// Environment variable with the key of the language model, which only workers have.
 const KEY_VARIABLE: &str = "ROLLOUT_TEST_KEY";
-
-/// A server and its database.
-struct RolloutServer {
-    process: ServerProcess,
-    folder: tempfile::TempDir,
-}
-
-impl RolloutServer {
-    fn start(options: &[String]) -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let process = ServerProcess::start_with_options(&folder.path().join("db.sqlite3"), &as_strs(options));
-        Self { process, folder }
-    }
-
-    fn api(&self) -> ApiClient {
-        self.process.api()
-    }
-}
-
-async fn workers(api: &ApiClient) -> Value {
-    api.get("/v1/workers").await.expect(200)
-}
-
-async fn done_remotely(api: &ApiClient) -> i64 {
-    number(&workers(api).await["counters"]["done_remotely"])
-}
-
-/// Waits until workers of this kind are active.
-async fn wait_for_kind(api: &ApiClient, kind: &str) {
-    wait_until(kind, async || {
-        let list = workers(api).await;
-        let is_active = |worker: &Value| {
-            worker["state"] == "active" && worker["kinds"].as_array().unwrap().contains(&json!(kind))
-        };
-        list["workers"].as_array().unwrap().iter().any(is_active)
-    })
-    .await;
-}
 
 /// Starts a worker that rolls out policies.
 fn rollout_worker(nats: &NatsServer, options: &[&str]) -> WorkerProcess {
@@ -99,8 +62,8 @@ async fn groups_of(api: &ApiClient, name: &str, count: usize) -> Vec<Value> {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_worker_rolls_out_the_same_groups_as_the_server() {
     let Some(nats) = NatsServer::start() else { return };
-    let alone = RolloutServer::start(&[]);
-    let server = RolloutServer::start(&nats_options(&nats.url()));
+    let alone = OptionServer::start(&[]);
+    let server = OptionServer::start(&nats_options(&nats.url()));
     let _worker = rollout_worker(&nats, &[]);
     wait_for_kind(&server.api(), "rollout_built_in").await;
     assert_eq!(workers(&server.api()).await["workers"][0]["kinds"], json!(["rollout_built_in"]));
@@ -123,7 +86,7 @@ async fn a_worker_without_the_same_file_refuses_the_group() {
     let path = |folder: &tempfile::TempDir| folder.path().display().to_string();
     let mut options = nats_options(&nats.url());
     options.extend(["--policy-folder".to_owned(), path(&same)]);
-    let server = RolloutServer::start(&options);
+    let server = OptionServer::start(&options);
     let api = server.api();
     let worker = rollout_worker(&nats, &["--policy-folder", &path(&other)]);
     wait_for_kind(&api, "rollout_file").await;
@@ -146,7 +109,7 @@ async fn a_worker_without_the_same_file_refuses_the_group() {
 async fn a_server_without_a_language_model_uses_that_of_a_worker() {
     let Some(nats) = NatsServer::start() else { return };
     let mock = start_endpoint([chat_response(HOLD_ACTION)]).await;
-    let server = RolloutServer::start(&nats_options(&nats.url()));
+    let server = OptionServer::start(&nats_options(&nats.url()));
     let api = server.api();
     create_run(&api, "run", json!({})).await;
     let settings = json!({"policy": "chat", "version": 2, "max_unacknowledged_groups": 1, "temperature": 0.25, "history": 1});
@@ -182,7 +145,7 @@ async fn the_group_of_a_killed_worker_is_rolled_out_again() {
     let Some(nats) = NatsServer::start() else { return };
     let gate = GatedEndpoint::start(HOLD_ACTION).await;
     let mock = start_endpoint([chat_response(HOLD_ACTION)]).await;
-    let server = RolloutServer::start(&nats_options(&nats.url()));
+    let server = OptionServer::start(&nats_options(&nats.url()));
     let api = server.api();
     create_run(&api, "run", json!({})).await;
     let killed = rollout_worker(&nats, &as_strs(&model_options(gate.url())));
@@ -204,7 +167,7 @@ async fn the_group_of_a_killed_worker_is_rolled_out_again() {
 async fn a_new_version_ends_rollouts_of_the_old_one() {
     let Some(nats) = SecureNats::start() else { return };
     let gate = GatedEndpoint::start(HOLD_ACTION).await;
-    let server = RolloutServer::start(&nats.options("SERVER"));
+    let server = OptionServer::start(&nats.options("SERVER"));
     let api = server.api();
     create_run(&api, "run", json!({})).await;
     let model = model_options(gate.url());

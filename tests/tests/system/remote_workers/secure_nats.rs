@@ -23,7 +23,7 @@ impl SecureNats {
         let path = |name: &str| tls.path(name).display().to_string();
         let mut variables =
             vec![("NATS_CERT".to_owned(), path("cert.pem")), ("NATS_KEY".to_owned(), path("key.pem"))];
-        for user in ["SERVER", "REPLAY_WORKER", "WORKER", "TRAINER"] {
+        for user in ["SERVER", "REPLAY_WORKER", "DESIGN_WORKER", "WORKER", "TRAINER"] {
             let key = KeyPair::new_user();
             std::fs::write(folder.path().join(user), key.seed().unwrap()).unwrap();
             variables.push((format!("{user}_KEY"), key.public_key()));

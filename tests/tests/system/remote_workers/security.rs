@@ -6,7 +6,9 @@ use system_tests::worker_cluster::WorkerProcess;
 use system_tests::{ServerProcess, wait_until};
 
 use super::secure_nats::{SecureNats, as_strs};
+use super::servers::{OptionServer, done_remotely, wait_for_kind};
 use super::*;
+use crate::design::{create, request_design};
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_key_for_replays_can_do_nothing_else() {
@@ -27,9 +29,33 @@ async fn a_key_for_replays_can_do_nothing_else() {
     let counters = workers().await["counters"].clone();
     assert!(counters["done_remotely"].as_u64() > Some(0), "{counters}");
 
+    let forged = ["results.server.critique.me", "jobs.audit.server", "control.other"];
+    assert_denied(&nats, "REPLAY_WORKER", forged).await;
+    // The server ignores what is no heartbeat, and goes on.
+    assert_eq!(workers().await["workers"].as_array().unwrap().len(), 1);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_key_for_designs_can_do_nothing_else() {
+    let Some(nats) = SecureNats::start() else { return };
+    let server = OptionServer::start(&nats.options("SERVER"));
+    let options = [nats.options("DESIGN_WORKER"), ["--jobs", "design"].map(str::to_owned).to_vec()].concat();
+    let _worker = WorkerProcess::start_with_options(&as_strs(&options));
+    let api = server.api();
+    create(&api, json!({"designer": "off"})).await;
+    wait_for_kind(&api, "design_procedural").await;
+    let request = request_design(&api, json!({"count": 1, "designer": "procedural"})).await;
+    assert_eq!((&request["state"], &request["admitted"]), (&json!("done"), &json!(1)), "{request}");
+    assert_eq!(done_remotely(&api).await, 1);
+    let forged = ["results.server.audit.me", "jobs.design_llm.server", "results.server.rollout_chat.me"];
+    assert_denied(&nats, "DESIGN_WORKER", forged).await;
+}
+
+/// Checks that a role may neither publish on these subjects nor read jobs, and that it may publish heartbeats.
+async fn assert_denied(nats: &SecureNats, role: &str, subjects: [&str; 3]) {
     let errors = Arc::new(Mutex::new(Vec::new()));
-    let client = nats.connect("REPLAY_WORKER", &errors).await;
-    for subject in ["results.server.critique.me", "jobs.audit.server", "control.other"] {
+    let client = nats.connect(role, &errors).await;
+    for subject in subjects {
         client.publish(format!("sparring.default.{subject}"), "forged".into()).await.unwrap();
     }
     let _jobs = client.subscribe("sparring.default.jobs.>").await.unwrap();
@@ -39,6 +65,4 @@ async fn a_key_for_replays_can_do_nothing_else() {
     let denied = errors.lock().unwrap().clone();
     assert!(denied.iter().all(|error| error.to_lowercase().contains("permissions violation")), "{denied:?}");
     assert_eq!(denied.len(), 4, "{denied:?}");
-    // The server ignores what is no heartbeat, and goes on.
-    assert_eq!(workers().await["workers"].as_array().unwrap().len(), 1);
 }

@@ -7,17 +7,21 @@ use sqlx::sqlite::{SqliteConnectOptions, SqliteRow};
 use sqlx::{ConnectOptions, Row, SqliteConnection, ValueRef};
 
 /// Tables that must be equal: everything that follows from the requests.
-const TABLES: [&str; 17] = [
+const TABLES: [&str; 21] = [
     "action_logs",
     "brackets",
     "critique_counters",
     "curriculum_events",
+    "design_requests",
     "episodes",
     "failure_cells",
     "failure_examples",
     "failure_inertial_sectors",
+    "gate_counts",
     "group_counters",
     "groups",
+    "layout_transitions",
+    "layouts",
     "leases",
     "level_moves",
     "proposals",
@@ -62,7 +66,8 @@ async fn connect(db: &Path) -> SqliteConnection {
 /// keys, and the time of day decides which critiques are one batch.
 fn is_ignored(table: &str, column: &str) -> bool {
     let is_cell = matches!((table, column), ("failure_cells", "id") | ("failure_examples", "cell"));
-    is_cell || column == "at" || column.ends_with("_at") || column == "id_suffix"
+    let is_time = column == "at" || column == "latency_ms";
+    is_cell || is_time || column.ends_with("_at") || column == "id_suffix"
 }
 
 /// Reads the tables of a database.

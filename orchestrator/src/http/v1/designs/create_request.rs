@@ -3,6 +3,7 @@
 use api_types::{CreateDesignRequest, DesignRequestSummary};
 use axum::extract::State;
 use axum::http::{HeaderName, StatusCode, header};
+use jobs::JobKind;
 use store::ids::DesignRequestId;
 
 use super::view::request_summary;
@@ -33,7 +34,9 @@ pub(in crate::http::v1) async fn create_design_request(
 ) -> Result<(StatusCode, [(HeaderName, String); 1], axum::Json<DesignRequestSummary>), Problem> {
     let run = parse_run_id(&run)?;
     let CreateDesignRequest { task, count, designer } = request;
-    let change = RequestDesign { run: run.clone(), task, count, designer, has_llm: app.designers.has_llm() };
+    let has_llm =
+        app.designers.has_llm() || app.lease_service.audits.queue.status().is_served(JobKind::DesignLlm);
+    let change = RequestDesign { run: run.clone(), task, count, designer, has_llm };
     let row = app.writer.change(change).await?;
     let location = format!("/v1/runs/{run}/designs/requests/{}", DesignRequestId(row.id));
     Ok((StatusCode::ACCEPTED, [(header::LOCATION, location)], axum::Json(request_summary(row)?)))

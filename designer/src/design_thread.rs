@@ -3,47 +3,53 @@
 use std::panic::AssertUnwindSafe;
 use std::time::Duration;
 
-use designer::{DesignBrief, DesignOutcome, Designer, Gate};
 use tokio::runtime::Handle;
 use tokio::sync::{oneshot, watch};
 
-use crate::threads::ThreadPriority;
+use crate::brief::DesignBrief;
+use crate::designer::{DesignOutcome, Designer};
+use crate::gate::Gate;
 
 /// Maximum time of a designer for one request.
 const DESIGN_TIMEOUT: Duration = Duration::from_secs(600);
 
 /// Inputs of a designer.
-pub(super) struct DesignTask {
-    pub(super) brief: DesignBrief,
-    pub(super) gate: Gate,
+pub struct DesignTask {
+    /// The brief of the request.
+    pub brief: DesignBrief,
+    /// The gate that judges the layouts.
+    pub gate: Gate,
 }
 
 /// Result of a designer.
-pub(super) struct DesignResult {
+pub struct DesignResult {
     /// Name of the designer.
-    pub(super) designer: &'static str,
-    pub(super) outcome: DesignOutcome,
+    pub designer: &'static str,
+    /// The layouts with their verdicts.
+    pub outcome: DesignOutcome,
     /// The gate, which knows the layouts that it admitted.
-    pub(super) gate: Gate,
+    pub gate: Gate,
 }
 
-/// Runs a designer to its end, or until `stopping` closes.
+/// Runs a designer to its end, or until `stopping` closes. `begin` is called on the thread first, for example to lower its priority.
+/// It needs a Tokio runtime.
 ///
 /// # Errors
-/// Returns a message if the designer fails, panics, takes too long or is stopped.
-pub(super) async fn run_designer(
+/// Returns a message if the designer fails, panics, takes longer than ten minutes or is stopped.
+pub async fn run_designer(
     designer: Box<dyn Designer>,
     task: DesignTask,
+    begin: impl FnOnce() + Send + 'static,
     stopping: watch::Receiver<()>,
 ) -> Result<DesignResult, String> {
     let (sender, receiver) = oneshot::channel();
     let handle = Handle::current();
     let thread = std::thread::Builder::new().name("design".to_owned());
     let spawned = thread.spawn(move || {
-        ThreadPriority::Background.apply();
+        begin();
         let work = AssertUnwindSafe(|| handle.block_on(design(designer, task, stopping)));
         let result = std::panic::catch_unwind(work).unwrap_or_else(|panic| Err(panic_message(&*panic)));
-        // The receiver is gone if the service stops.
+        // The receiver is gone if the process stops.
         drop(sender.send(result));
     });
     spawned.map_err(|error| format!("a thread could not be started: {error}"))?;
@@ -58,8 +64,8 @@ async fn design(
     let DesignTask { brief, mut gate } = task;
     let name = designer.name();
     let outcome = tokio::select! {
-        // Nothing is ever sent: the channel closes when the worker ends.
-        _ = stopping.changed() => return Err("the server is stopping".to_owned()),
+        // Nothing is ever sent: the channel closes when the request is not wanted any more.
+        _ = stopping.changed() => return Err("the program is stopping".to_owned()),
         outcome = tokio::time::timeout(DESIGN_TIMEOUT, designer.design(&brief, &mut gate)) => outcome,
     };
     let outcome = outcome.map_err(|_| format!("it took longer than {} s", DESIGN_TIMEOUT.as_secs()))?;
