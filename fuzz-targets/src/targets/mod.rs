@@ -12,6 +12,7 @@ mod requests;
 mod stored;
 mod strict_input;
 pub mod tasking;
+mod worker_messages;
 mod worlds;
 
 use std::sync::LazyLock;
@@ -32,6 +33,7 @@ pub static TARGETS: LazyLock<Vec<Target>> = LazyLock::new(|| {
         models::TARGETS,
         command_line::TARGETS,
         policy_files::TARGETS,
+        worker_messages::TARGETS,
     ]
     .concat()
 });

@@ -66,6 +66,8 @@ tests! {
     chat_response retry_after json_in_text reply verdict
     arguments bind server_address config event_stream server_message actions_file
     policy_reference reflex_file onnx_file
+    job_envelope result_envelope prepare_job prepare_result audit_job audit_result critique_job critique_result
+    design_job design_result rollout_job rollout_result
 }
 
 #[test]
