@@ -31,20 +31,23 @@ pub struct RunPolicyError {
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PolicyRequest {
-    /// `off`, `chat` (the language model that the server was started with), or a built-in policy that every task of the run
-    /// has (`GET /v1/tasks` lists them). `reference` is not allowed, because its trajectories are the planner's plans.
+    /// `off`, `chat` (the language model that the server or a worker was started with), a built-in policy that every task of the
+    /// run has (`GET /v1/tasks` lists them), or a file in the server's policy folder, such as `onnx:model.onnx`. `reference` is not
+    /// allowed, because its trajectories are the planner's plans.
     #[schema(example = "heuristic")]
     pub policy: String,
     /// Version of the policy, which groups that start later get. Raise it when the endpoint serves new weights; it never decreases.
     pub version: Option<u32>,
-    /// Sampling temperature of `chat`, from 0 to 5 (default: the server's setting, else the endpoint's).
+    /// Sampling temperature of `chat`, from 0 to 5 (default: the server's setting, else that of the worker that rolls out, else the
+    /// endpoint's).
     #[schema(minimum = 0.0, maximum = 5.0)]
     pub temperature: Option<f64>,
     /// Number of earlier exchanges in the prompt of `chat`, from 0 to 64 (default 2).
     #[schema(minimum = 0, maximum = 64, default = 2)]
     #[serde(default, deserialize_with = "crate::integers::optional::<_, 0, 64>")]
     pub history: Option<u32>,
-    /// Largest number of tokens of one reply of `chat`, from 16 to 131 072 (default: the server's setting).
+    /// Largest number of tokens of one reply of `chat`, from 16 to 131 072 (default: the setting of the server or the worker that
+    /// rolls out).
     #[schema(minimum = 16, maximum = 131_072)]
     #[serde(default, deserialize_with = "crate::integers::optional::<_, 16, 131_072>")]
     pub max_tokens: Option<u32>,
@@ -63,11 +66,11 @@ pub struct PolicyRequest {
 /// Settings of a run's policy, complete, as stored.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct PolicySettings {
-    /// Sampling temperature of `chat`; null for the endpoint's default.
+    /// Sampling temperature of `chat`; null for the setting of the worker that rolls out, else the endpoint's.
     pub temperature: Option<f64>,
     /// Number of earlier exchanges in the prompt of `chat`.
     pub history: u32,
-    /// Largest number of tokens of one reply of `chat`; null for the server's setting.
+    /// Largest number of tokens of one reply of `chat`; null for the setting of the server or the worker that rolls out.
     pub max_tokens: Option<u32>,
     /// Observations that trajectories have.
     pub observations: ObservationMode,
@@ -132,8 +135,12 @@ pub struct RunPolicyState {
     /// Settings of the policy.
     #[serde(flatten)]
     pub settings: PolicySettings,
-    /// Language model of `chat`. Its endpoint is not disclosed.
+    /// Language model of the server for `chat`; null for another policy, and if the server has none. Its endpoint is not disclosed.
     pub model: Option<String>,
+    /// Language models of connected workers for `chat`, each once; empty for another policy. Workers roll out first, and the server
+    /// if they have no room.
+    #[serde(default)]
+    pub worker_models: Vec<String>,
     /// Time of the latest change, RFC 3339.
     pub changed_at: Option<String>,
     /// Number of groups pushed to the feed.

@@ -1004,19 +1004,26 @@ class PolicyRequest(TypedDict):
     history: NotRequired[int | None]
     """Number of earlier exchanges in the prompt of `chat`, from 0 to 64 (default 2)."""
     max_tokens: NotRequired[int | None]
-    """Largest number of tokens of one reply of `chat`, from 16 to 131 072 (default: the server's setting)."""
+    """
+    Largest number of tokens of one reply of `chat`, from 16 to 131 072 (default: the setting of the server or the worker that
+    rolls out).
+    """
     max_unacknowledged_groups: NotRequired[int | None]
     """Largest number of unacknowledged groups in the feed, from 1 to 4 096 (default 32)."""
     observations: NotRequired[ObservationMode | None]
     policy: str
     """
-    `off`, `chat` (the language model that the server was started with), or a built-in policy that every task of the run
-    has (`GET /v1/tasks` lists them). `reference` is not allowed, because its trajectories are the planner's plans.
+    `off`, `chat` (the language model that the server or a worker was started with), a built-in policy that every task of the
+    run has (`GET /v1/tasks` lists them), or a file in the server's policy folder, such as `onnx:model.onnx`. `reference` is not
+    allowed, because its trajectories are the planner's plans.
     """
     refill: NotRequired[bool | None]
     """True to replace groups whose episodes all have the same score (default false)."""
     temperature: NotRequired[float | None]
-    """Sampling temperature of `chat`, from 0 to 5 (default: the server's setting, else the endpoint's)."""
+    """
+    Sampling temperature of `chat`, from 0 to 5 (default: the server's setting, else that of the worker that rolls out, else the
+    endpoint's).
+    """
     version: NotRequired[int | None]
     """Version of the policy, which groups that start later get. Raise it when the endpoint serves new weights; it never decreases."""
 
@@ -1029,7 +1036,7 @@ class PolicySettings(TypedDict):
     history: int
     """Number of earlier exchanges in the prompt of `chat`."""
     max_tokens: NotRequired[int | None]
-    """Largest number of tokens of one reply of `chat`; null for the server's setting."""
+    """Largest number of tokens of one reply of `chat`; null for the setting of the server or the worker that rolls out."""
     max_unacknowledged_groups: int
     """Largest number of unacknowledged groups in the feed."""
     observations: ObservationMode
@@ -1037,7 +1044,7 @@ class PolicySettings(TypedDict):
     refill: NotRequired[bool]
     """True if groups whose episodes all have the same score are replaced."""
     temperature: NotRequired[float | None]
-    """Sampling temperature of `chat`; null for the endpoint's default."""
+    """Sampling temperature of `chat`; null for the setting of the worker that rolls out, else the endpoint's."""
 
 
 class PolicyVersionDescription(TypedDict):
@@ -1281,7 +1288,7 @@ class RunPolicyState(PolicySettings):
     """Number of groups pushed to the feed."""
     last_error: NotRequired[RunPolicyError | None]
     model: NotRequired[str | None]
-    """Language model of `chat`. Its endpoint is not disclosed."""
+    """Language model of the server for `chat`; null for another policy, and if the server has none. Its endpoint is not disclosed."""
     policy: str
     """`off`, `chat`, or the name of a built-in policy."""
     tokens_in: int
@@ -1290,6 +1297,11 @@ class RunPolicyState(PolicySettings):
     """Number of completion tokens."""
     version: int
     """Version of the policy, which new groups get."""
+    worker_models: NotRequired[list[str]]
+    """
+    Language models of connected workers for `chat`, each once; empty for another policy. Workers roll out first, and the server
+    if they have no room.
+    """
 
 
 class RunSettingsVersion(TypedDict):
@@ -2145,7 +2157,7 @@ class DesignStatistics(TypedDict):
     designers: list[DesignerUsage]
     """Requests and cost by designer."""
     llm: NotRequired[dict[str, Any] | None]
-    """Health of the language model; null if none is configured."""
+    """Health of the server's language model for designs; null if it has none. A worker's own model is not shown."""
     next_share: float
     """Probability that the next training group is designed, if a layout suits it, from 0 to the setting `share`."""
     ordinary_signal: LearningSignal
@@ -2538,7 +2550,10 @@ class RemoteWorker(TypedDict):
     jobs_per_s: float
     """Accepted jobs a second, over about ten seconds."""
     kinds: list[str]
-    """Kinds of jobs that the worker takes: `prepare`, `audit`, `critique`."""
+    """
+    Kinds of jobs that the worker takes: `prepare`, `audit`, `critique`, `design_procedural`, `design_llm`, `rollout_built_in`,
+    `rollout_file`, `rollout_chat`.
+    """
     last_seen_s: float
     """Time since the worker's last heartbeat, in seconds."""
     reason: NotRequired[str | None]

@@ -30,9 +30,11 @@ pub(super) async fn get_policy(
 
 /// Set the policy of a run.
 ///
-/// The server's workers roll out the policy and push finished groups to the trajectory feed of the run. `chat` uses the language
-/// model of the server's configuration; a request cannot name another one. `onnx:FILE` and `reflex:FILE` are files in the policy folder
-/// of the server.
+/// The server, or workers on other machines that take rollouts, roll out the policy. The server pushes finished groups to the
+/// trajectory feed of the run. `chat` uses the language model that the server or a worker was started with; a request cannot name
+/// another one. A server without a language model accepts `chat` if it was started with `--nats`. Until a worker with a language model
+/// is connected, `worker_models` is empty and `last_error` says that there is none. `onnx:FILE` and `reflex:FILE` are files in the
+/// policy folder of the server; a worker needs the same file.
 #[utoipa::path(
     put, path = "/runs/{run}/policy", tag = "trajectories", request_body = PolicyRequest,
     params(("run" = String, Path, description = "The run's id.")),
@@ -77,6 +79,10 @@ async fn policy_state(app: &AppState, run: &RunId) -> Result<RunPolicyState, Pro
     let policy = row.as_ref().map_or(RunPolicy::Off, |row| row.policy.clone());
     let model =
         app.endpoint.as_ref().filter(|_| policy == RunPolicy::Chat).map(|e| e.llm.config().model.clone());
+    let worker_models = match policy {
+        RunPolicy::Chat => app.lease_service.audits.queue.status().chat_models(),
+        RunPolicy::Off | RunPolicy::BuiltIn(_) => Vec::new(),
+    };
     let last_error = row.as_ref().and_then(|row| {
         Some(RunPolicyError { message: row.error.clone()?, at: rfc3339(row.error_at.unwrap_or_default()) })
     });
@@ -86,6 +92,7 @@ async fn policy_state(app: &AppState, run: &RunId) -> Result<RunPolicyState, Pro
         policy: policy.to_string(),
         version: row.as_ref().map_or(0, |row| row.version),
         model,
+        worker_models,
         changed_at: row.as_ref().map(|row| rfc3339(row.changed_at)),
         groups,
         episodes,

@@ -119,6 +119,8 @@ async fn a_server_without_a_language_model_uses_that_of_a_worker() {
         message.contains("neither the server nor a connected worker")
     })
     .await;
+    let state = policy(&api, "run").await;
+    assert_eq!((&state["model"], &state["worker_models"]), (&Value::Null, &json!([])));
     let prices = ["--llm-price-in", "1", "--llm-price-out", "1"].map(str::to_owned);
     let options = [model_options(&mock.uri()).as_slice(), &prices].concat();
     let _worker = rollout_worker(&nats, &as_strs(&options));
@@ -133,7 +135,9 @@ async fn a_server_without_a_language_model_uses_that_of_a_worker() {
     let messages = &group["episodes"][0]["steps"][1]["completions"][0]["messages"];
     assert_eq!(messages.as_array().unwrap().len(), 4, "the history travels");
     assert_eq!(done_remotely(&api).await, 1);
-    assert_eq!(number(&policy(&api, "run").await["tokens_in"]), 900 * 100);
+    let state = policy(&api, "run").await;
+    assert_eq!(number(&state["tokens_in"]), 900 * 100);
+    assert_eq!((&state["model"], &state["worker_models"]), (&Value::Null, &json!(["mock"])));
     assert_eq!(counted_episodes(&api, "run").await, 2);
     for entry in std::fs::read_dir(server.folder.path()).unwrap() {
         assert!(!contains_api_key(&std::fs::read(entry.unwrap().path()).unwrap()));
