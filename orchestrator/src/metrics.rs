@@ -7,6 +7,7 @@ use api_types::{ReceiptStatus, RefusalCode};
 use axum::http::{Method, StatusCode};
 use curriculum::Mastery;
 use job_queue::status::{QueueStatus, WorkerState};
+use jobs::JobKind;
 use metrics::{Unit, counter, describe_counter, describe_gauge, describe_histogram, gauge, histogram};
 use serde::Serialize;
 use store::alerts::AlertRule;
@@ -114,6 +115,7 @@ fn describe_operation() {
     describe_gauge!("sparring_remote_degraded", "1 if --nats is set and no worker does jobs, else 0.");
     describe_gauge!("sparring_remote_jobs_waiting", "Jobs that were sent to workers and have no result yet.");
     describe_counter!("sparring_remote_jobs_total", "Jobs since the start, by where they were done.");
+    describe_counter!("sparring_remote_kind_jobs_total", "Jobs that workers did since the start, by kind.");
     describe_counter!("sparring_remote_results_ignored_total", "Results of workers that were ignored.");
     describe_counter!("sparring_remote_verified_total", "Results of workers that the server recomputed.");
     describe_counter!("sparring_worker_jobs_total", "Accepted jobs, by worker.");
@@ -310,6 +312,9 @@ pub fn set_remote_workers(status: &QueueStatus) {
     }
     for (place, count) in [("worker", counters.done_remotely), ("server", counters.done_locally)] {
         counter!("sparring_remote_jobs_total", "place" => place).absolute(count);
+    }
+    for (kind, count) in JobKind::ALL.into_iter().zip(counters.done_by_kind) {
+        counter!("sparring_remote_kind_jobs_total", "kind" => kind.as_str()).absolute(count);
     }
     counter!("sparring_remote_results_ignored_total").absolute(counters.ignored_results);
     counter!("sparring_remote_verified_total").absolute(counters.verified_items);
