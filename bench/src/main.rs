@@ -12,6 +12,7 @@ mod critique;
 mod curriculum;
 mod designer;
 mod engine;
+mod feed;
 mod growth;
 mod levels;
 mod load;
@@ -46,10 +47,11 @@ struct Args {
     /// dashboard's charts, warm and cold, with ten million episodes in a thousand runs.
     /// `workers` compares the server's CPU time for an audited result with a worker on NATS and without one, and
     /// calculates results a second for up to 1 000 workers; `worker-swarm` simulates 1 000 idle and 200 busy ones (after
-    /// `scripts/nats`).
+    /// `scripts/nats`). `feed` empties a trajectory feed over HTTP and over JetStream, with one trainer and with four that share it
+    /// (after `scripts/nats`).
     /// `levels` prints the success of policies at every level. `learner` trains the demo's learner with and without the
     /// designer, for twenty minutes.
-    #[arg(value_parser = ["engine", "bracket", "critique", "curriculum", "steps", "results", "columns", "sockets", "stepping", "growth", "crash", "crash-tasking", "crash-workers", "load", "soak", "runs", "slow-clients", "large-database", "charts", "designer", "learner", "levels", "tasking", "workers", "worker-swarm"])]
+    #[arg(value_parser = ["engine", "bracket", "critique", "curriculum", "steps", "results", "columns", "sockets", "stepping", "growth", "crash", "crash-tasking", "crash-workers", "load", "soak", "runs", "slow-clients", "large-database", "charts", "designer", "learner", "levels", "tasking", "workers", "worker-swarm", "feed"])]
     benchmarks: Vec<String>,
     /// Duration of `soak`, `crash`, `crash-tasking`, `crash-workers` and `load`, in minutes
     #[arg(long, default_value_t = 10)]
@@ -158,7 +160,7 @@ fn measure_turn(args: &Args) -> anyhow::Result<comparison::Turn> {
         ("tasking", &tasking::measure),
     ];
     // These take minutes and run only if they are named.
-    let long: [(&str, Measure<'_>); 14] = [
+    let long: [(&str, Measure<'_>); 15] = [
         ("runs", &|| scale::many_runs::measure(args.runs)),
         ("slow-clients", &|| scale::slow_clients::measure(args.connections)),
         ("charts", &|| scale::charts::measure(args.episodes)),
@@ -171,6 +173,7 @@ fn measure_turn(args: &Args) -> anyhow::Result<comparison::Turn> {
         ("soak", &|| soak::measure(args.minutes)),
         ("learner", &designer::learner::measure),
         ("workers", &workers::measure),
+        ("feed", &feed::measure),
         ("worker-swarm", &worker_swarm::measure),
         ("levels", &|| levels::measure(&args.task, args.first_seed)),
     ];
