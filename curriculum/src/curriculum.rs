@@ -224,11 +224,11 @@ impl Curriculum {
         Ok(self.take_seq())
     }
 
-    /// Applies a stored event as it was applied when it was stored. A proposal is made again unless that is expensive.
+    /// Applies a stored event, and makes proposals again. One that needs a background job that has not run stands.
     ///
     /// # Errors
-    /// Returns [`RestoreError::OutOfOrder`] if `seq` is not the next one, [`RestoreError::OtherProposal`] if the stored
-    /// proposal differs from that made now, and [`RestoreError::Settings`] for invalid settings. Drop the curriculum then.
+    /// Returns [`RestoreError`] if `seq` is not the next one, if a proposal differs, or if settings are invalid. The
+    /// curriculum must then be dropped.
     pub fn replay_event(&mut self, seq: u64, event: &CurriculumEvent) -> Result<(), RestoreError> {
         if seq != self.next_seq {
             return Err(RestoreError::OutOfOrder { found: seq, wanted: self.next_seq });

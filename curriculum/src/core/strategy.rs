@@ -43,8 +43,8 @@ impl StrategyContext<'_> {
 pub(crate) trait Strategy: StrategySnapshot + Send + Sync {
     /// Makes the next proposal.
     fn propose(&mut self, ctx: &StrategyContext<'_>) -> Proposal;
-    /// Makes the proposal of a stored event again, with the same effect on the state. `None` if that needs an expensive
-    /// computation: the stored proposal stands, and the state is as it would be.
+    /// Makes the proposal of a stored event again, with the same effect on the state. `None` if that needs the result of
+    /// a background job that has not run: the stored proposal stands, and the state is as it would be.
     fn propose_again(&mut self, ctx: &StrategyContext<'_>) -> Option<Proposal> {
         Some(self.propose(ctx))
     }

@@ -149,6 +149,8 @@ impl Fold {
                 self.compare_snapshot(findings)?;
                 let event: CurriculumEvent = from_json("a curriculum event", &body)?;
                 let moves = apply(&mut self.curriculum, to_u64(seq), &event)?;
+                // Proposals that need the result of a job are then made again, too, and not taken from their events.
+                self.curriculum.take_background_jobs().iter().for_each(|job| job.run());
                 self.moves.extend(moves.into_iter().map(|level_move| (seq, level_move)));
             }
         }
