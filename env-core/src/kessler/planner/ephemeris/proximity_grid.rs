@@ -139,3 +139,48 @@ fn distance_to_cell(coordinate: f64, cell: usize) -> f64 {
     let low = cell as f64 * CELL_SIDE - HALF_SIDE;
     (low - coordinate).max(coordinate - (low + CELL_SIDE)).max(0.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::kessler::setup::Physics;
+
+    fn body() -> impl Strategy<Value = Body> {
+        // Also inside the Earth and outside the grid.
+        (5.0..200.0f64, 0.0..std::f64::consts::TAU, -1.5..1.5f64)
+            .prop_map(|(radius, angle, speed)| Body::circular(radius, angle, speed))
+    }
+
+    proptest! {
+        /// Contacts at the end of a step and within it are those that comparing all bodies finds.
+        #[test]
+        fn nearby_debris_has_all_contacts(
+            debris in prop::collection::vec(body(), 0..80),
+            satellites in prop::collection::vec(body(), 1..20),
+            is_swept: bool,
+        ) {
+            let contact = if is_swept { ContactModel::Swept } else { ContactModel::EndOfStep };
+            let physics = Physics { contact, ..Physics::DEFAULT };
+            let all = DebrisEphemeris::propagate(&debris, &[], 12, physics);
+            let prepared = DebrisEphemeris::propagate(&debris, &[], 12, physics);
+            prepared.prepare_search();
+            prop_assert!(prepared.grid().is_some());
+            for step in 1..all.rows() {
+                // Places near debris, and those of satellites.
+                let near = debris.iter().enumerate().map(|(column, body)| {
+                    let (x, y) = all.position(column, step);
+                    Body { x: x + 0.3 * body.vx, y: y + 0.3 * body.vy, ..*body }
+                });
+                for body in near.chain(satellites.iter().copied()) {
+                    prop_assert_eq!(prepared.destroys(step, &body), all.destroys(step, &body));
+                    for limit_2 in [CONTACT_2, LOOK_AHEAD_LIMIT_2, 400.0] {
+                        let within = |ephemeris: &DebrisEphemeris| ephemeris.any_within(step, body.x, body.y, limit_2);
+                        prop_assert_eq!(within(&prepared), within(&all));
+                    }
+                }
+            }
+        }
+    }
+}
