@@ -87,8 +87,9 @@ async fn a_rollout_ends_once_although_nats_stops() {
         groups += 1;
     }
     let state = policy(&api, "run").await;
-    assert_eq!((number(&state["episodes"]), number(&state["failed"])), (2 * number(&state["groups"]), 0));
-    assert_eq!(counted_episodes(&api, "run").await, number(&state["episodes"]));
+    let counts = (number(&state["groups"]), number(&state["episodes"]), number(&state["failed"]));
+    assert_eq!(counts, (groups, 2 * groups, 0));
+    assert_eq!(counted_episodes(&api, "run").await, 2 * groups);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -117,14 +118,23 @@ async fn a_design_ends_once_although_nats_stops() {
     nats.resume();
     wait_for_recovery(&api, "design_llm").await;
     models.held.release(10_000);
-    let mut requested = 1;
+    let (mut requested, mut admitted) = (1, 1);
     // The server designs itself while the worker is busy with the old request.
     while done_remotely(&api).await == 0 {
         assert!(requested < 20, "the worker is used again");
         let designed = request_design(&api, request.clone()).await;
+        // The model knows two layouts.
+        if requested == 1 {
+            expect(&designed);
+        }
         assert_eq!(designed["state"], "done", "{designed}");
+        admitted += number(&designed["admitted"]);
         requested += 1;
     }
+    let list = api.get("/v1/runs/run/designs").await.expect(200);
+    let designs = list["designs"].as_array().unwrap().iter();
+    let active = designs.filter(|design| design["state"] == "active").count();
+    assert_eq!(i64::try_from(active).unwrap(), admitted, "each request has its layouts once: {list:#}");
     let requests = api.get("/v1/runs/run/designs/requests").await.expect(200);
     assert_eq!(requests["requests"].as_array().unwrap().len(), requested, "{requests}");
 }
