@@ -118,8 +118,8 @@ fn kinds(
 /// Runs a worker until a signal stops it.
 ///
 /// # Errors
-/// Returns an error if the arguments of its policies or its language model are invalid, if the server refuses or expels the worker, or if the system has no
-/// threads left.
+/// Returns an error if the arguments of its policies or its language model are invalid, if the server refuses or expels the
+/// worker, or if the system has no threads left.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let cores = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let clock = Clock::system();

@@ -29,9 +29,8 @@ impl LookAhead {
     /// Settings of the causal policies.
     pub(in crate::kessler) const DEFAULT: Self = Self { steps: 12, act_within: 8, margin: 1.2 };
 
-    /// Returns `planned` unless it leads to a contact. Otherwise returns the gentlest burn that avoids all
-    /// contacts, or the one that delays the first contact most. `row` is the row of the ephemeris at which
-    /// the satellite is.
+    /// Returns `planned` unless it leads to a contact, else the burn of [`avoid`](Self::avoid). `row` is the row of the
+    /// ephemeris at which the satellite is.
     pub(in crate::kessler) fn dodge(
         &self,
         body: Body,

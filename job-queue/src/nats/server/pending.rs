@@ -128,8 +128,8 @@ impl PendingJobs {
         let mut jobs = self.jobs.lock();
         let is_lost = |id: &JobId, job: &PendingJob| {
             let age = job.sent_at.elapsed();
-            let has_model = job.kind.is_rollout() || job.kind.is_design();
-            let max_age = if has_model { MAX_MODEL_JOB_AGE } else { MAX_JOB_AGE };
+            let may_wait_for_model = job.kind.is_rollout() || job.kind.is_design();
+            let max_age = if may_wait_for_model { MAX_MODEL_JOB_AGE } else { MAX_JOB_AGE };
             !served.contains(&job.kind) || age > max_age || (age > patience && !active.contains(id))
         };
         let lost: Vec<JobId> = jobs.iter().filter(|(id, job)| is_lost(id, job)).map(|(id, _)| *id).collect();
