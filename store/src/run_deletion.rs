@@ -178,6 +178,7 @@ const DELETIONS: &[Deletion] = &[
     Deletion::new(of_run!("policy_version_counters", "run, version, task")),
     Deletion::new(of_run!("task_history", "run, task, width, start")),
     Deletion::new(of_run!("task_curves", "run, task, ordinal")),
+    Deletion::new(of_run!("task_curve_blocks", "run, task, block")).weight(16),
     Deletion::new(of_run!("task_history_params", "run, task, width, start, param")),
     Deletion::new(of_run!("task_history_rungs", "run, task, width, start, start_rung, level")),
     Deletion::new(of_run!("step_verdicts", "id")),

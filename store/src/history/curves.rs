@@ -1,4 +1,4 @@
-//! Learning curves of a run's tasks: results by episodes instead of by time. Table `task_curves`.
+//! Learning curves of a run's tasks: results by episodes instead of by time. Module [`curve_rows`](super::curve_rows) stores them.
 //!
 //! A bucket has at least as many episodes as its width, and the next results begin another bucket. They also do so after a pause,
 //! so that no bucket has results from before and after one. [`MAX_BUCKETS`] buckets are joined in pairs, and the width doubles: a
@@ -6,10 +6,12 @@
 
 use std::collections::BTreeMap;
 
-use sqlx::{QueryBuilder, SqliteConnection, query, query_as};
+use sqlx::{SqliteConnection, query};
 
-use super::super::{MAX_ROWS, StoreError, from_json, to_json};
+use super::super::{StoreError, from_json};
 use super::HistoryBucket;
+use super::curve_point::CurvePoint;
+use super::curve_rows::{CurveRow, last_row, read_points, replace_rows, write_row};
 use super::read::tasks;
 use crate::Millis;
 
@@ -19,62 +21,6 @@ const MAX_BUCKETS: i64 = 1024;
 const FIRST_WIDTH: i64 = 4;
 /// Time without results after which a bucket begins, milliseconds.
 pub const PAUSE: Millis = 60_000;
-
-/// Results of a task in consecutive episodes.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CurvePoint {
-    /// Number of the task's episodes before the point.
-    pub first_episode: i64,
-    /// Number of episodes in the point: finished, or of accepted claims.
-    pub episodes: i64,
-    /// Number of environment steps of the task's finished episodes before the point.
-    pub first_step: i64,
-    /// Time of the first results, milliseconds since 1970-01-01 UTC.
-    pub first_at: Millis,
-    /// Time of the latest results, milliseconds since 1970-01-01 UTC.
-    pub last_at: Millis,
-    /// Results of the task in the point.
-    pub bucket: HistoryBucket,
-}
-
-impl CurvePoint {
-    /// The point after `earlier`, or the first one of a curve.
-    fn after(earlier: Option<&Self>, now: Millis, part: &HistoryBucket) -> Self {
-        Self {
-            first_episode: earlier.map_or(0, |at| at.first_episode + at.episodes),
-            episodes: 0,
-            first_step: earlier.map_or(0, |at| at.first_step + at.bucket.steps),
-            first_at: now,
-            last_at: now,
-            bucket: HistoryBucket::default(),
-        }
-        .joined_with(now, part)
-    }
-
-    /// Adds results of the moment `now`.
-    fn joined_with(mut self, now: Millis, part: &HistoryBucket) -> Self {
-        self.episodes += part.episodes + part.claimed_episodes;
-        // The clock may have been set back.
-        self.last_at = self.last_at.max(now);
-        self.bucket.join(part);
-        self
-    }
-
-    /// Adds the next point.
-    fn join(&mut self, later: &Self) {
-        self.episodes += later.episodes;
-        self.last_at = self.last_at.max(later.last_at);
-        self.bucket.join(&later.bucket);
-    }
-}
-
-/// A row of the `task_curves` table, without its run and task.
-#[derive(Debug, Clone)]
-struct CurveRow {
-    ordinal: i64,
-    width: i64,
-    point: CurvePoint,
-}
 
 /// Adds the results of a run's tasks at the moment `now` to their curves.
 ///
@@ -91,8 +37,7 @@ pub(super) async fn add_to_curves(
             // A sample of mastery alone begins no curve.
             if part.has_results() {
                 let point = CurvePoint::after(None, now, part);
-                write_rows(&mut *conn, run, task, &[CurveRow { ordinal: 0, width: FIRST_WIDTH, point }])
-                    .await?;
+                write_row(&mut *conn, run, task, CurveRow { ordinal: 0, width: FIRST_WIDTH, point }).await?;
             }
             continue;
         };
@@ -101,7 +46,7 @@ pub(super) async fn add_to_curves(
         let row = if part.has_results() && (is_full || is_after_pause) {
             let last = match last.ordinal + 1 < MAX_BUCKETS {
                 true => last,
-                false => join_pairs(&mut *conn, run, task).await?.unwrap_or(last),
+                false => join_pairs(&mut *conn, run, task, last.width).await?.unwrap_or(last),
             };
             let point = CurvePoint::after(Some(&last.point), now, part);
             CurveRow { ordinal: last.ordinal + 1, width: last.width, point }
@@ -110,30 +55,26 @@ pub(super) async fn add_to_curves(
             let at = if part.has_results() { now } else { last.point.last_at };
             CurveRow { point: last.point.joined_with(at, part), ..last }
         };
-        write_rows(&mut *conn, run, task, &[row]).await?;
+        write_row(&mut *conn, run, task, row).await?;
     }
     Ok(())
 }
 
-/// Joins the buckets of a task in pairs, and doubles their width. Returns the last one.
+/// Joins the buckets of a task in pairs, and doubles their `width`. Returns the last one.
 async fn join_pairs(
     conn: &mut SqliteConnection,
     run: &str,
     task: &str,
+    width: i64,
 ) -> Result<Option<CurveRow>, StoreError> {
-    let rows = read_rows(&mut *conn, run, task).await?;
-    let mut joined: Vec<CurveRow> = Vec::with_capacity(rows.len().div_ceil(2));
-    for row in rows {
-        let ordinal = row.ordinal / 2;
-        match joined.last_mut().filter(|last| last.ordinal == ordinal) {
-            Some(last) => last.point.join(&row.point),
-            None => joined.push(CurveRow { ordinal, width: 2 * row.width, point: row.point }),
+    let mut joined: Vec<CurveRow> = Vec::new();
+    for (number, point) in read_points(&mut *conn, run, task).await?.into_iter().enumerate() {
+        match joined.last_mut().filter(|_| number % 2 == 1) {
+            Some(earlier) => earlier.point.join(&point),
+            None => joined.push(CurveRow { ordinal: joined.len() as i64, width: 2 * width, point }),
         }
     }
-    query!("DELETE FROM task_curves WHERE run = ?1 AND task = ?2", run, task).execute(&mut *conn).await?;
-    for rows in joined.chunks(MAX_ROWS) {
-        write_rows(&mut *conn, run, task, rows).await?;
-    }
+    replace_rows(conn, run, task, &joined).await?;
     Ok(joined.pop())
 }
 
@@ -148,9 +89,9 @@ pub async fn learning_curves(
     let tasks: Vec<String> = from_json("the tasks of a run", &tasks(&mut *conn, run).await?)?;
     let mut curves = BTreeMap::new();
     for task in tasks {
-        let rows = read_rows(&mut *conn, run, &task).await?;
-        if !rows.is_empty() {
-            curves.insert(task, rows.into_iter().map(|row| row.point).collect());
+        let points = read_points(&mut *conn, run, &task).await?;
+        if !points.is_empty() {
+            curves.insert(task, points);
         }
     }
     Ok(curves)
@@ -172,7 +113,8 @@ pub struct ActiveSpan {
 pub async fn active_span(conn: &mut SqliteConnection, run: &str) -> Result<Option<ActiveSpan>, StoreError> {
     let tasks = tasks(&mut *conn, run).await?;
     let row = query!(
-        r#"SELECT min((SELECT first_at FROM task_curves WHERE run = ?1 AND task = value ORDER BY ordinal LIMIT 1))
+        r#"SELECT min(coalesce((SELECT first_at FROM task_curve_blocks WHERE run = ?1 AND task = value ORDER BY block LIMIT 1),
+                               (SELECT first_at FROM task_curves WHERE run = ?1 AND task = value ORDER BY ordinal LIMIT 1)))
                       AS "first_at: i64",
                   max((SELECT last_at FROM task_curves WHERE run = ?1 AND task = value ORDER BY ordinal DESC LIMIT 1))
                       AS "last_at: i64"
@@ -203,86 +145,11 @@ pub fn thin_curve(points: Vec<CurvePoint>, limit: usize) -> Vec<CurvePoint> {
     thinned
 }
 
-/// Reads the last row of a task.
-async fn last_row(
-    conn: &mut SqliteConnection,
-    run: &str,
-    task: &str,
-) -> Result<Option<CurveRow>, StoreError> {
-    let row = query_as!(
-        StoredRow,
-        "SELECT ordinal, width, first_episode, episodes, first_step, first_at, last_at, results FROM task_curves
-         WHERE run = ?1 AND task = ?2 ORDER BY ordinal DESC LIMIT 1",
-        run,
-        task
-    )
-    .fetch_optional(conn)
-    .await?;
-    row.map(StoredRow::read).transpose()
-}
-
-/// Reads all rows of a task, in order of time. In this order the disk reads ahead, so that a database that is not in memory yet
-/// answers sooner.
-async fn read_rows(conn: &mut SqliteConnection, run: &str, task: &str) -> Result<Vec<CurveRow>, StoreError> {
-    let rows = query_as!(
-        StoredRow,
-        "SELECT ordinal, width, first_episode, episodes, first_step, first_at, last_at, results FROM task_curves
-         WHERE run = ?1 AND task = ?2 ORDER BY ordinal",
-        run,
-        task
-    )
-    .fetch_all(conn)
-    .await?;
-    rows.into_iter().map(StoredRow::read).collect()
-}
-
-/// A row as it is stored.
-struct StoredRow {
-    ordinal: i64,
-    width: i64,
-    first_episode: i64,
-    episodes: i64,
-    first_step: i64,
-    first_at: Millis,
-    last_at: Millis,
-    results: String,
-}
-
-impl StoredRow {
-    fn read(self) -> Result<CurveRow, StoreError> {
-        let Self { ordinal, width, first_episode, episodes, first_step, first_at, last_at, results } = self;
-        let bucket = from_json("a point of a learning curve", &results)?;
-        let point = CurvePoint { first_episode, episodes, first_step, first_at, last_at, bucket };
-        Ok(CurveRow { ordinal, width, point })
-    }
-}
-
-/// Writes rows of a task, in place of those with the same ordinals.
-async fn write_rows(
-    conn: &mut SqliteConnection,
-    run: &str,
-    task: &str,
-    rows: &[CurveRow],
-) -> Result<(), StoreError> {
-    let results: Vec<String> = rows.iter().map(|row| to_json(&row.point.bucket)).collect::<Result<_, _>>()?;
-    let mut statement = QueryBuilder::new(
-        "INSERT OR REPLACE INTO task_curves (run, task, ordinal, width, first_episode, episodes, first_step, first_at,
-                                             last_at, results) ",
-    );
-    statement.push_values(rows.iter().zip(&results), |mut values, (row, results)| {
-        let CurveRow { ordinal, width, point } = row;
-        values.push_bind(run).push_bind(task).push_bind(*ordinal).push_bind(*width);
-        values.push_bind(point.first_episode).push_bind(point.episodes).push_bind(point.first_step);
-        values.push_bind(point.first_at).push_bind(point.last_at).push_bind(results);
-    });
-    statement.build().execute(conn).await?;
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::history::{MasterySample, VersionRange, add};
+    use crate::to_json;
 
     /// Results of one moment of the test.
     fn part(number: i64) -> BTreeMap<String, HistoryBucket> {
@@ -333,6 +200,9 @@ mod tests {
         let span = active_span(&mut conn, "r").await.unwrap().unwrap();
         assert_eq!((span.first_at, span.last_at), (0, 100 * (all - 1)));
         assert_eq!(active_span(&mut conn, "other").await.unwrap(), None);
+        let rows = "SELECT count(*) FROM task_curves";
+        let rows: i64 = sqlx::query_scalar(rows).fetch_one(&mut conn).await.unwrap();
+        assert!((1..=32).contains(&rows), "{rows} buckets have a row of their own");
         let thinned = thin_curve(curve.clone(), 100);
         assert!((90..=101).contains(&thinned.len()), "{}", thinned.len());
         assert_eq!(thinned.iter().map(|point| point.episodes).sum::<i64>(), episodes);
@@ -365,5 +235,29 @@ mod tests {
             spans,
             [(0, 1_000, 6), (2_000 + PAUSE, 3_000 + PAUSE, 6), (1_500 + PAUSE, 1_500 + PAUSE, 3)]
         );
+    }
+
+    /// Buckets that an earlier schema stored in a row each are packed with the next block.
+    #[tokio::test]
+    async fn rows_of_an_earlier_schema_are_packed() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut conn = open_with_run(&folder.path().join("db")).await;
+        add(&mut conn, "r", 0, &part(0)).await.unwrap();
+        add(&mut conn, "r", 1, &part(0)).await.unwrap();
+        let rows = "WITH RECURSIVE n (o) AS (SELECT 1 UNION ALL SELECT o + 1 FROM n WHERE o < 94)
+                    INSERT OR REPLACE INTO task_curves SELECT run, task, o, width, first_episode + 6 * o, 6, first_step + 20 * o, o, o, results
+                    FROM task_curves, n WHERE ordinal = 0";
+        sqlx::raw_sql(rows).execute(&mut conn).await.unwrap();
+        let before = learning_curves(&mut conn, "r").await.unwrap();
+        for number in 95..97 {
+            add(&mut conn, "r", number, &part(2)).await.unwrap();
+        }
+        let blocks = "SELECT count(*) FROM task_curve_blocks";
+        let blocks: i64 = sqlx::query_scalar(blocks).fetch_one(&mut conn).await.unwrap();
+        assert_eq!(blocks, 3);
+        let after = learning_curves(&mut conn, "r").await.unwrap();
+        assert_eq!((before["task"].len(), after["task"].len()), (95, 97));
+        assert_eq!(before["task"], after["task"][..95]);
+        assert_eq!(active_span(&mut conn, "r").await.unwrap().unwrap().first_at, 0);
     }
 }

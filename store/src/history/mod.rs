@@ -4,6 +4,8 @@
 //! [`write`] adds results to the buckets, [`read`] reads a window of time as a limited number of points, and [`rungs`] has the
 //! results by start rung and level. [`curves`] has the same results by episodes instead of by time.
 
+mod curve_point;
+mod curve_rows;
 mod curves;
 mod read;
 mod rungs;
@@ -16,7 +18,8 @@ use serde::{Deserialize, Serialize};
 use crate::Millis;
 use crate::task_counters::TaskCounters;
 
-pub use self::curves::{ActiveSpan, CurvePoint, PAUSE, active_span, learning_curves, thin_curve};
+pub use self::curve_point::CurvePoint;
+pub use self::curves::{ActiveSpan, PAUSE, active_span, learning_curves, thin_curve};
 pub(crate) use self::read::tasks;
 pub use self::read::{HistoryPoint, HistoryWindow, curve};
 pub use self::rungs::{RungKey, RungPoint, RungResults, rung_points};
