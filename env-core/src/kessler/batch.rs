@@ -255,10 +255,6 @@ impl BatchLane for KesslerLane {
     }
 
     fn bytes(&self) -> usize {
-        let observer = match &self.observer {
-            KesslerObserver::All(_) => 0,
-            KesslerObserver::Tracks(tracks) => tracks.bytes(),
-        };
-        self.sim.bytes() + self.sim.rng().bytes() + observer
+        self.sim.bytes() + self.sim.rng().bytes()
     }
 }

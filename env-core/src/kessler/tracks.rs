@@ -10,6 +10,8 @@
 mod columns;
 mod selection;
 
+use std::cell::RefCell;
+
 use pulp::Arch;
 
 pub use self::columns::TrackColumn;
@@ -17,8 +19,9 @@ use self::columns::{
     CLIMB_SCALE, CLOSING_SPEED_SCALE, DRIFT_SCALE, MISS_SCALE, OWN_COLUMNS, RADIUS_OFFSET, RADIUS_SCALE,
     SPEED_SCALE, THREAT_COLUMNS, THREAT_DISTANCE_SCALE,
 };
+use self::selection::{SelectedThreat, SelectedThreats};
 use super::constants::{EARTH_RADIUS, FORMATION_SIDE, GM, HORIZON, SATELLITES, TARGET_RADIUS};
-use super::forecast::{ClosestApproaches, ForecastInput, forecast_closest_approaches};
+use super::forecast::{ForecastInput, TracksForecast};
 use super::reward::Objective;
 use super::simulation::{KesslerSim, Satellite};
 use super::spaces::MAX_DEBRIS;
@@ -51,9 +54,6 @@ pub struct TracksError {
 pub struct TracksEncoder {
     threats: usize,
     look_ahead: usize,
-    approaches: [ClosestApproaches; SATELLITES],
-    /// Most threatening debris of each satellite, worst first, as [`selection::threat_key`]s.
-    worst: [Vec<u64>; SATELLITES],
     arch: Arch,
 }
 
@@ -79,13 +79,7 @@ impl TracksEncoder {
     }
 
     fn with_checked_size(threats: usize, look_ahead: usize) -> Self {
-        Self {
-            threats,
-            look_ahead,
-            approaches: Default::default(),
-            arch: Arch::new(),
-            worst: Default::default(),
-        }
+        Self { threats, look_ahead, arch: Arch::new() }
     }
 
     /// Number of cells per satellite.
@@ -112,47 +106,50 @@ impl TracksEncoder {
         columns::describe(self.threats, self.look_ahead)
     }
 
-    /// Memory of the buffers in bytes, without the encoder itself.
-    pub(super) fn bytes(&self) -> usize {
-        let approaches = self.approaches.iter().map(|of| of.distance_2.capacity() + of.time.capacity());
-        let worst: usize = self.worst.iter().map(Vec::capacity).sum();
-        approaches.sum::<usize>() * size_of::<f32>() + worst * size_of::<u64>()
-    }
-
     /// Writes one row of [`TracksEncoder::len`] cells per satellite, one after another. Cells that do not fit
     /// into `out` are left out; the rest of `out` is zeroed. Allocates nothing once an episode with as much
     /// debris was encoded.
-    pub fn write<R: EpisodeRng>(&mut self, sim: &KesslerSim<R>, out: &mut [f32]) {
+    pub fn write<R: EpisodeRng>(&self, sim: &KesslerSim<R>, out: &mut [f32]) {
         out.fill(0.0);
-        if self.threats > 0 {
-            self.select_threats(sim);
-        }
-        let rows = out.chunks_mut(self.len());
-        for ((number, satellite), row) in sim.satellites().iter().enumerate().zip(rows) {
-            if satellite.is_active() {
-                let mut cells = CellWriter { axes: satellite.body.local_axes(), cells: row.iter_mut() };
-                write_own_state(&mut cells, sim, number);
-                self.write_threats(&mut cells, sim, number);
+        MEMORY.with_borrow_mut(|memory| {
+            if self.threats > 0 {
+                self.forecast(sim, &mut memory.forecast);
+                memory.threats.select(self.arch, &memory.forecast, self.threats, sim.debris().len());
             }
-        }
+            let rows = out.chunks_mut(self.len());
+            for ((number, satellite), row) in sim.satellites().iter().enumerate().zip(rows) {
+                if satellite.is_active() {
+                    let mut cells = CellWriter { axes: satellite.body.local_axes(), cells: row.iter_mut() };
+                    write_own_state(&mut cells, sim, number);
+                    if self.threats > 0 {
+                        self.write_threats(&mut cells, sim, number, memory.threats.of(number));
+                    }
+                }
+            }
+        });
     }
 
-    fn write_threats<R: EpisodeRng>(&self, cells: &mut CellWriter<'_>, sim: &KesslerSim<R>, number: usize) {
+    /// Writes the most threatening bodies of a satellite.
+    fn write_threats<R: EpisodeRng>(
+        &self,
+        cells: &mut CellWriter<'_>,
+        sim: &KesslerSim<R>,
+        number: usize,
+        threats: &[SelectedThreat],
+    ) {
         let satellite = sim.satellites()[number].body;
-        for index in self.worst[number].iter().map(|key| selection::index_of(*key)) {
-            let debris = sim.debris().body(index);
-            let (miss_2, time) =
-                (self.approaches[number].distance_2[index], self.approaches[number].time[index]);
+        for SelectedThreat { body, distance_2, time } in threats {
+            let debris = sim.debris().body(*body as usize);
             cells.put(1.0, 0.0, 1.0);
             cells.put_vector(debris.x - satellite.x, debris.y - satellite.y, THREAT_DISTANCE_SCALE);
             cells.put_vector(debris.vx - satellite.vx, debris.vy - satellite.vy, CLOSING_SPEED_SCALE);
-            cells.put(f64::from(miss_2.sqrt()), 0.0, MISS_SCALE);
-            cells.put(f64::from(time), 0.0, self.look_ahead as f64);
+            cells.put(f64::from(distance_2.sqrt()), 0.0, MISS_SCALE);
+            cells.put(f64::from(*time), 0.0, self.look_ahead as f64);
         }
     }
 
-    /// Forecasts all debris and selects the most threatening bodies of each satellite.
-    fn select_threats<R: EpisodeRng>(&mut self, sim: &KesslerSim<R>) {
+    /// Forecasts all debris, and hides what the radar does not see.
+    fn forecast<R: EpisodeRng>(&self, sim: &KesslerSim<R>, forecast: &mut TracksForecast) {
         let debris = sim.debris();
         let input = ForecastInput {
             debris,
@@ -160,16 +157,24 @@ impl TracksEncoder {
             satellites: sim.satellites().each_ref().map(|s| s.is_active().then_some(s.body)),
             look_ahead: self.look_ahead,
         };
-        forecast_closest_approaches(self.arch, input, &mut self.approaches);
+        forecast.compute(self.arch, input);
         if sim.setup().radar_range.is_some() {
             let hidden = debris.bodies().enumerate().filter(|(_, body)| !sim.is_visible(body.x, body.y));
-            for (index, _) in hidden {
-                self.approaches.iter_mut().for_each(|of| of.distance_2[index] = f32::INFINITY);
-            }
+            hidden.for_each(|(index, _)| forecast.hide(index));
         }
-        let misses_2 = self.approaches.each_ref().map(|of| &of.distance_2[..debris.len()]);
-        selection::select_worst(self.arch, misses_2, self.threats, &mut self.worst);
     }
+}
+
+thread_local! {
+    /// Memory of this thread's encoders. The environments of a batch share it, so that it stays in the nearest cache.
+    static MEMORY: RefCell<EncoderMemory> = RefCell::default();
+}
+
+/// Memory that encoders use again. It has no state that changes a result.
+#[derive(Debug, Default)]
+struct EncoderMemory {
+    forecast: TracksForecast,
+    threats: SelectedThreats,
 }
 
 /// Writer of the cells of one satellite, in order.

@@ -150,7 +150,7 @@ fn has_only_finite_numbers(value: &Value) -> bool {
 /// Checks that state, observations and warnings are finite and in range.
 fn inspect(
     sim: &KesslerSim<SeededRng>,
-    tracks: &mut TracksEncoder,
+    tracks: &TracksEncoder,
     cells: &mut Vec<f32>,
 ) -> Result<(), TestCaseError> {
     for s in sim.satellites() {
@@ -201,7 +201,7 @@ proptest! {
                 return Ok(());
             }
         };
-        let mut tracks = TracksEncoder::new(k, 15).unwrap();
+        let tracks = TracksEncoder::new(k, 15).unwrap();
         let mut cells = Vec::new();
         if let Err(error) = KesslerSetup::from_recipe(scenario.recipe()).unwrap().draw_initial_state(&mut SeededRng::new(scenario.seed())) {
             prop_assert!(error.to_string().contains("unfair"), "{error}");
@@ -209,7 +209,7 @@ proptest! {
         }
         let mut sim = start_sim(&scenario);
         let mut sum = 0.0;
-        inspect(&sim, &mut tracks, &mut cells)?;
+        inspect(&sim, &tracks, &mut cells)?;
         for burns in plan.iter().cycle().take(200) {
             let agents: Vec<u32> = burns.iter().map(|b| b.satellite).collect();
             let values: Vec<f64> = burns.iter().flat_map(|b| b.dv).collect();
@@ -233,7 +233,7 @@ proptest! {
                 }
                 Err(error) => prop_assert!(false, "{error}"),
             }
-            inspect(&sim, &mut tracks, &mut cells)?;
+            inspect(&sim, &tracks, &mut cells)?;
             if sim.steps() % 8 == 1 || sim.is_done() {
                 let telemetry = serde_json::to_value(sim.telemetry(0.0, true)).unwrap();
                 prop_assert!(has_only_finite_numbers(&telemetry), "{telemetry}");

@@ -1,94 +1,158 @@
-//! Selection of the most threatening debris of each satellite, without data-dependent branches.
+//! Selection of the most threatening debris of each satellite: candidates by the distances at the ends of steps, then the worst of them by
+//! their closest approaches. There are hardly any branches, since which of fifty bodies are among the eight worst is unpredictable.
 
 use pulp::{Arch, Simd, WithSimd};
 
 use crate::kessler::constants::SATELLITES;
+use crate::kessler::forecast::{ClosestApproaches, GROUP_LEN, NearestStep, TracksForecast};
 
-/// Largest number of threats that the narrow pass selects.
-const NARROW_CAPACITY: usize = 8;
-/// Largest number of threats that the wide pass selects.
-const WIDE_CAPACITY: usize = 16;
-
-/// Sort key of a debris body: by miss distance, then by age. Squared misses are not negative, and the bits of
-/// such floats are in their order.
-pub(super) const fn threat_key(miss_2: f32, index: usize) -> u64 {
-    (miss_2.to_bits() as u64) << 32 | index as u64
+/// Debris body that threatens a satellite.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SelectedThreat {
+    /// Index of the body.
+    pub body: u32,
+    /// Squared distance of its closest approach, LU².
+    pub distance_2: f32,
+    /// Time of its closest approach, TU from now.
+    pub time: f32,
 }
 
-/// Index of the debris body of a key.
-#[expect(clippy::cast_possible_truncation, reason = "the lower half is the index")]
-pub(super) const fn index_of(key: u64) -> usize {
-    key as u32 as usize
-}
+impl SelectedThreat {
+    const NONE: Self = Self { body: 0, distance_2: 0.0, time: 0.0 };
 
-/// Stores the keys of the `count` bodies with the least miss of each satellite in `worst`, worst first.
-/// Bodies with an infinite miss or NaN are left out.
-pub(super) fn select_worst(
-    arch: Arch,
-    misses_2: [&[f32]; SATELLITES],
-    count: usize,
-    worst: &mut [Vec<u64>; SATELLITES],
-) {
-    if count <= NARROW_CAPACITY {
-        arch.dispatch(SelectWorst::<NARROW_CAPACITY> { misses_2, count, worst });
-    } else if count <= WIDE_CAPACITY {
-        arch.dispatch(SelectWorst::<WIDE_CAPACITY> { misses_2, count, worst });
-    } else {
-        misses_2.into_iter().zip(worst).for_each(|(misses_2, worst)| sort_worst(misses_2, count, worst));
+    /// Sort key: by miss distance, then by age. Squared misses are not negative, and the bits of such floats are in their order.
+    const fn key(&self) -> u64 {
+        (self.distance_2.to_bits() as u64) << 32 | self.body as u64
     }
 }
 
-/// Branch-free selection of at most `CAPACITY` bodies per satellite.
-///
-/// The worst bodies so far are kept in order; each further body is inserted at its place and moves the rest
-/// on. There is no branch, since which of fifty bodies are among the eight worst is unpredictable. All
-/// satellites are processed at once, since each insertion waits for the one before it.
-struct SelectWorst<'a, const CAPACITY: usize> {
-    misses_2: [&'a [f32]; SATELLITES],
-    count: usize,
-    worst: &'a mut [Vec<u64>; SATELLITES],
+/// Most threatening debris of each satellite, with memory that is used again.
+#[derive(Debug, Default)]
+pub(super) struct SelectedThreats {
+    /// Most threatening bodies of each satellite, worst first.
+    worst: [Vec<SelectedThreat>; SATELLITES],
+    candidates: Vec<u32>,
 }
 
-impl<const CAPACITY: usize> WithSimd for SelectWorst<'_, CAPACITY> {
+impl SelectedThreats {
+    /// Most threatening bodies of a satellite, worst first.
+    pub(super) fn of(&self, satellite: usize) -> &[SelectedThreat] {
+        &self.worst[satellite]
+    }
+
+    /// Selects the `count` bodies of the first `bodies` that come nearest to each satellite. Bodies that are never near, such as hidden
+    /// ones, are left out.
+    pub(super) fn select(&mut self, arch: Arch, forecast: &TracksForecast, count: usize, bodies: usize) {
+        arch.dispatch(Selection { forecast, count, bodies, threats: self });
+    }
+}
+
+/// Selection for all satellites.
+struct Selection<'a> {
+    forecast: &'a TracksForecast,
+    count: usize,
+    bodies: usize,
+    threats: &'a mut SelectedThreats,
+}
+
+impl WithSimd for Selection<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        let mut least = [[u64::MAX; CAPACITY]; SATELLITES];
-        let [a, b, c] = self.misses_2;
-        for (index, ((a, b), c)) in a.iter().zip(b).zip(c).enumerate() {
-            insert(&mut least[0], threat_key(*a, index));
-            insert(&mut least[1], threat_key(*b, index));
-            insert(&mut least[2], threat_key(*c, index));
-        }
-        for (least, worst) in least.iter().zip(self.worst) {
-            store_finite(worst, least[..self.count].iter().copied());
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { forecast, count, bodies, threats: SelectedThreats { worst, candidates } } = self;
+        for (satellite, worst) in worst.iter_mut().enumerate() {
+            let nearest = forecast.nearest_steps(satellite);
+            // No body comes nearer within a step than it is at the end of one by more than the margin.
+            let limit = NearestStep::limit(bound_of_rank(simd, nearest, count), forecast.margin(satellite));
+            collect_up_to(limit, nearest, bodies, candidates);
+            worst.clear();
+            if let [bodies @ ..] = &candidates[..]
+                && bodies.len() <= GROUP_LEN
+            {
+                let approaches = forecast.closest_approaches(simd, satellite, bodies);
+                worst.resize(bodies.len(), SelectedThreat::NONE);
+                let ranks = ranks(simd, &approaches.distance_2, bodies.len());
+                for (number, body) in bodies.iter().enumerate() {
+                    let (distance_2, time) = (approaches.distance_2[number], approaches.time[number]);
+                    worst[ranks[number] as usize] = SelectedThreat { body: *body, distance_2, time };
+                }
+            } else {
+                for bodies in candidates.chunks(GROUP_LEN) {
+                    let ClosestApproaches { distance_2, time } =
+                        forecast.closest_approaches(simd, satellite, bodies);
+                    let approaches = bodies.iter().zip(distance_2.iter().zip(time));
+                    worst.extend(approaches.map(|(body, (distance_2, time))| SelectedThreat {
+                        body: *body,
+                        distance_2: *distance_2,
+                        time,
+                    }));
+                }
+                worst.sort_unstable_by_key(SelectedThreat::key);
+            }
+            worst.truncate(count);
         }
     }
 }
 
-/// Inserts a key into an ordered list of the least keys.
+/// A number that at least `rank` numbers do not exceed, and hardly more, if there are as many numbers.
+///
+/// The least numbers of each place of the groups are themselves as many numbers as a group has places.
 #[inline(always)]
-fn insert<const CAPACITY: usize>(least: &mut [u64; CAPACITY], key: u64) {
-    let mut before = [0; CAPACITY];
-    before[1..].copy_from_slice(&least[..CAPACITY - 1]);
-    for place in 0..CAPACITY {
-        least[place] = least[place].min(key.max(before[place]));
+fn bound_of_rank<S: Simd>(simd: S, numbers: &[[u32; GROUP_LEN]], rank: usize) -> u32 {
+    if rank > GROUP_LEN {
+        return u32::MAX;
     }
+    let mut least = [u32::MAX; GROUP_LEN];
+    for (part, least) in S::as_mut_simd_u32s(&mut least).0.iter_mut().enumerate() {
+        for group in numbers {
+            let number = S::as_simd_u32s(group).0[part];
+            *least = simd.select_u32s(simd.less_than_u32s(number, *least), number, *least);
+        }
+    }
+    let (zero, one) = (simd.splat_u32s(0), simd.splat_u32s(1));
+    let mut bounds = [0; GROUP_LEN];
+    let parts = S::as_mut_simd_u32s(&mut bounds).0.iter_mut().zip(S::as_simd_u32s(&least).0);
+    for (bound, number) in parts {
+        let mut smaller = zero;
+        for other in least {
+            let is_smaller = simd.less_than_u32s(simd.splat_u32s(other), *number);
+            smaller = simd.add_u32s(smaller, simd.select_u32s(is_smaller, one, zero));
+        }
+        let is_within = simd.less_than_u32s(smaller, simd.splat_u32s(rank as u32));
+        *bound = simd.select_u32s(is_within, *number, zero);
+    }
+    bounds.into_iter().fold(0, u32::max)
 }
 
-/// Selects the `count` worst bodies by sorting.
-fn sort_worst(misses_2: &[f32], count: usize, worst: &mut Vec<u64>) {
-    store_finite(worst, misses_2.iter().enumerate().map(|(index, miss_2)| threat_key(*miss_2, index)));
-    if worst.len() > count {
-        worst.select_nth_unstable(count);
-        worst.truncate(count);
+/// Collects the indices of the numbers up to a limit among the first `count`.
+#[inline(always)]
+fn collect_up_to(limit: u32, numbers: &[[u32; GROUP_LEN]], count: usize, found: &mut Vec<u32>) {
+    found.resize(count, 0);
+    let mut length = 0;
+    for (index, number) in numbers.as_flattened().iter().enumerate().take(count) {
+        found[length] = index as u32;
+        length += usize::from(*number <= limit);
     }
-    worst.sort_unstable();
+    found.truncate(length);
 }
 
-/// Stores the keys with a finite miss.
-fn store_finite(worst: &mut Vec<u64>, keys: impl Iterator<Item = u64>) {
-    worst.clear();
-    worst.extend(keys.filter(|key| *key < threat_key(f32::INFINITY, 0)));
+/// Rank of each of the first `count` numbers; of equal ones the first comes first.
+#[inline(always)]
+fn ranks<S: Simd>(simd: S, numbers: &[f32; GROUP_LEN], count: usize) -> [u32; GROUP_LEN] {
+    let mut places = [0; GROUP_LEN];
+    places.iter_mut().enumerate().for_each(|(place, number)| *number = place as u32);
+    let (zero, one) = (simd.splat_u32s(0), simd.splat_u32s(1));
+    let mut ranks = [0; GROUP_LEN];
+    let parts = S::as_mut_simd_u32s(&mut ranks).0.iter_mut().enumerate();
+    for (part, rank) in parts {
+        let (mine, place) = (S::as_simd_f32s(numbers).0[part], S::as_simd_u32s(&places).0[part]);
+        for (other, number) in numbers[..count].iter().enumerate() {
+            let (number, other) = (simd.splat_f32s(*number), simd.splat_u32s(other as u32));
+            let is_equal = simd.and_m32s(simd.equal_f32s(number, mine), simd.less_than_u32s(other, place));
+            let is_before = simd.or_m32s(simd.less_than_f32s(number, mine), is_equal);
+            *rank = simd.add_u32s(*rank, simd.select_u32s(is_before, one, zero));
+        }
+    }
+    ranks
 }
