@@ -67,7 +67,7 @@ tests! {
     arguments bind server_address config event_stream server_message actions_file
     policy_reference reflex_file onnx_file
     job_envelope result_envelope prepare_job prepare_result audit_job audit_result critique_job critique_result
-    design_job design_result rollout_job rollout_result
+    design_job design_result rollout_job rollout_result heartbeat control_message run_state
 }
 
 #[test]

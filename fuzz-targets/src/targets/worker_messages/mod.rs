@@ -1,9 +1,10 @@
-//! Messages between servers and workers: envelopes of jobs and results, and the payloads of all kinds of jobs.
+//! Messages between servers and workers: envelopes of jobs and results, the payloads of all kinds of jobs, and heartbeats.
 //!
-//! A server reads results that any worker of its NATS account can forge, and a worker reads jobs. `examples` has jobs with results of
-//! all kinds, and `models` the messages of designs and rollouts.
+//! A server reads results and heartbeats that any worker of its NATS account can forge, and a worker reads jobs. `examples` has jobs with results of
+//! all kinds, `models` the messages of designs and rollouts, and `membership` those without jobs.
 
 mod examples;
+mod membership;
 mod models;
 
 use std::fmt::Debug;
@@ -29,6 +30,9 @@ pub(super) const TARGETS: &[Target] = &[
     Target::new("design_result", models::design_result, models::design_result_seeds),
     Target::new("rollout_job", models::rollout_job, models::rollout_job_seeds),
     Target::new("rollout_result", models::rollout_result, models::rollout_result_seeds).divided_by(20),
+    Target::new("heartbeat", membership::heartbeat, membership::heartbeat_seeds),
+    Target::new("control_message", membership::control_message, membership::control_message_seeds),
+    Target::new("run_state", membership::run_state, membership::run_state_seeds),
 ];
 
 /// A value that was read is the same after it is written and read again. Both forms are compared, since numbers may be no numbers.

@@ -6,6 +6,7 @@
 
 mod costs;
 mod designs;
+pub(crate) mod fuzzing;
 mod pending;
 mod registry;
 mod rollouts;
