@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use env_core::admission::admit;
-use env_core::{Recipe, Scenario, SeedSpace};
+use env_core::{Recipe, Scenario, ScenarioError, SeedSpace};
 
 use crate::episode_batch::{EpisodeBatch, LoggedEpisode};
 use crate::{critique, seeds};
@@ -13,12 +13,14 @@ pub const FORMAT: u16 = 1;
 
 /// Levels of each task whose scenarios are computed.
 const PROBED_LEVELS: [usize; 2] = [0, 5];
+/// Time limit of these scenarios in seconds, where the levels have a longer one: whole episodes of tasking take seconds to plan.
+const MAX_PROBED_TIME_S: f64 = 3000.0;
 
 /// Returns the version of the worlds, planners and critiques of this program on this machine.
 ///
 /// It is the package's version with a digest of computed results: brackets and critiques of some scenarios of each task. Programs that
-/// compute other bits, because of their source, their compiler or their processor, have different versions. The first call takes
-/// about a second; later ones are free.
+/// compute other bits, because of their source, their compiler or their processor, have different versions. The first call computes
+/// for a moment; later ones are free.
 #[must_use]
 pub fn world_version() -> &'static str {
     static VERSION: OnceLock<String> = OnceLock::new();
@@ -31,15 +33,28 @@ pub fn world_version() -> &'static str {
 /// Digest of computed results.
 fn probe_digest() -> blake3::Hash {
     let mut hasher = blake3::Hasher::new_derive_key("sparring 2026 world version");
-    for (number, task) in env_core::tasks().enumerate() {
+    for scenario in probed_scenarios() {
+        let task = scenario.task();
         hasher.update(task.id().as_bytes()).update(task.world().as_bytes());
-        for level in PROBED_LEVELS {
-            let Ok(recipe) = Recipe::at_level(task, level) else { continue };
-            let seed = seeds::seed_of(SeedSpace::Training, 1, number as u64, level as u64);
-            add_scenario(&mut hasher, &Scenario::new(recipe, seed));
-        }
+        add_scenario(&mut hasher, &scenario);
     }
     hasher.finalize()
+}
+
+/// Scenarios of all tasks, whose results are computed.
+fn probed_scenarios() -> impl Iterator<Item = Scenario> {
+    env_core::tasks().enumerate().flat_map(|(number, task)| {
+        PROBED_LEVELS.into_iter().filter_map(move |level| {
+            let recipe = Recipe::at_level(task, level).and_then(shortened).ok()?;
+            Some(Scenario::new(recipe, seeds::seed_of(SeedSpace::Training, 1, number as u64, level as u64)))
+        })
+    })
+}
+
+/// Limits the time of a recipe.
+fn shortened(recipe: Recipe) -> Result<Recipe, ScenarioError> {
+    let is_long = recipe.param("time_limit_s").is_some_and(|limit| limit > MAX_PROBED_TIME_S);
+    if is_long { recipe.with_param("time_limit_s", MAX_PROBED_TIME_S) } else { Ok(recipe) }
 }
 
 fn add_scenario(hasher: &mut blake3::Hasher, scenario: &Scenario) {
@@ -58,5 +73,17 @@ fn add_scenario(hasher: &mut blake3::Hasher, scenario: &Scenario) {
     let batch = EpisodeBatch(vec![LoggedEpisode { scenario: scenario.clone(), log }]);
     if let Ok(bytes) = critique::criticise(&batch).encode() {
         hasher.update(&bytes);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scenarios_of_every_task_are_computed() {
+        let tasks: Vec<_> = probed_scenarios().map(|scenario| scenario.task().id()).collect();
+        let expected: Vec<_> = env_core::tasks().flat_map(|task| [task.id(); 2]).collect();
+        assert_eq!(tasks, expected);
     }
 }
