@@ -56,7 +56,7 @@ pub struct TaskDesigns {
     pub task: String,
     /// Number of active layouts.
     pub active: i64,
-    /// Numbers of retired layouts by reason: `mastered`, `hopeless`, `user`.
+    /// Numbers of retired layouts by reason: `mastered`, `hopeless`, `user`, `wrong`.
     pub retired: BTreeMap<String, i64>,
     /// Number of admitted designs.
     pub admitted: i64,

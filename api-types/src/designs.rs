@@ -145,7 +145,7 @@ pub struct DesignSummary {
     pub kind: Option<LayoutKind>,
     /// State of the design.
     pub state: DesignState,
-    /// Reason of retirement (`mastered`, `hopeless` or `user`), or the check of the gate that refused the design.
+    /// Reason of retirement (`mastered`, `hopeless`, `user` or `wrong`), or the check of the gate that refused the design.
     pub state_reason: Option<String>,
     /// Reason of the refusal in one sentence.
     pub refusal_reason: Option<String>,

@@ -107,6 +107,12 @@ fn canonical(admitted: &AdmittedLayout) -> Option<&Value> {
 }
 
 impl ReportedLayout {
+    /// True if the other process admitted the layout.
+    #[must_use]
+    pub const fn is_admitted(&self) -> bool {
+        matches!(self.verdict, ReportedVerdict::Admitted { .. })
+    }
+
     /// Checks the layout with the gate of this process, which has the archive of the other gate at that time.
     ///
     /// # Errors
@@ -118,7 +124,7 @@ impl ReportedLayout {
         designer: ReportedDesigner,
         check: LayoutCheck,
     ) -> Result<JudgedLayout, ReportFault> {
-        let is_admitted = matches!(self.verdict, ReportedVerdict::Admitted { .. });
+        let is_admitted = self.is_admitted();
         let verdict = match &self.design {
             Some(design) if is_admitted || check == LayoutCheck::Judge => {
                 let bases = self.base_scenarios(brief, gate, designer, design)?;

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
+use env_core::ScenarioId;
 use jobs::JobKind;
 
 /// State of a queue.
@@ -170,8 +171,28 @@ pub struct Recomputation {
     pub worker: WorkerIdentity,
     /// Number of results that were recomputed.
     pub items: usize,
-    /// The results that were wrong.
+    /// The results of jobs that were wrong.
     pub wrong: Vec<WrongResult>,
+    /// The layouts that were wrong.
+    pub wrong_layouts: Vec<WrongLayout>,
+}
+
+impl Recomputation {
+    /// Creates a recomputation without results.
+    pub(crate) const fn new(worker: WorkerIdentity) -> Self {
+        Self { worker, items: 0, wrong: Vec::new(), wrong_layouts: Vec::new() }
+    }
+}
+
+/// A layout of a worker that the gate of the server judges otherwise.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct WrongLayout {
+    /// Id of the run that it was designed for.
+    pub run: String,
+    /// Id of its task.
+    pub task: String,
+    /// Scenario of the layout.
+    pub scenario: ScenarioId,
 }
 
 /// A result of a worker that the server's own result contradicts.

@@ -1,4 +1,4 @@
-//! Corrections of stored results that another computation contradicts. Table `episodes`.
+//! Corrections of stored results that another computation contradicts. Tables `episodes` and `layouts`.
 
 use sqlx::{Row, SqliteConnection};
 
@@ -78,4 +78,17 @@ pub async fn correct(
     .execute(conn)
     .await?;
     Ok(())
+}
+
+/// Finds the layouts of a run with a scenario that the gate admitted.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the query fails.
+pub async fn layouts_of(
+    conn: &mut SqliteConnection,
+    run: &str,
+    scenario: &[u8],
+) -> Result<Vec<i64>, StoreError> {
+    let sql = "SELECT id FROM layouts WHERE scenario = ? AND run = ? AND state != 'refused' ORDER BY id";
+    Ok(sqlx::query_scalar(sql).bind(scenario).bind(run).fetch_all(conn).await?)
 }

@@ -26,6 +26,8 @@ text_enum! {
         Hopeless = "hopeless",
         /// A user retired the layout.
         User = "user",
+        /// The server judges the layout otherwise than the worker that designed it.
+        Wrong = "wrong",
     }
 }
 

@@ -11,4 +11,5 @@ test("other states have their reason", () => {
   expect(designStateText("active", null)).toBe("active");
   expect(designStateText("retired", "mastered")).toBe("retired: mastered");
   expect(designStateText("retired", "user")).toBe("retired: by a user");
+  expect(designStateText("retired", "wrong")).toBe("retired: judged wrongly by a worker");
 });

@@ -17,9 +17,12 @@ export function refusalText(check: string): string {
   return DEFECTS[check] ?? `failed the check ${check.replaceAll("_", " ")}`;
 }
 
+/** Reasons of retirement whose names say too little. */
+const RETIREMENTS: Record<string, string> = { user: "by a user", wrong: "judged wrongly by a worker" };
+
 /** Describes the state of a design with its reason: "refused: duplicate", "retired: mastered". */
 export function designStateText(state: string, reason: string | null | undefined): string {
   if (!reason) return state;
   if (state === "refused") return `refused: ${refusalText(reason)}`;
-  return `${state}: ${reason === "user" ? "by a user" : reason.replaceAll("_", " ")}`;
+  return `${state}: ${RETIREMENTS[reason] ?? reason.replaceAll("_", " ")}`;
 }

@@ -1,11 +1,13 @@
 //! Check of the result of a design job by the server.
 
 use designer::procedural::ProceduralDesigner;
-use designer::reported::{LayoutCheck, ReportFault, ReportedDesigner};
+use designer::reported::{LayoutCheck, ReportFault, ReportedDesigner, ReportedLayout};
 use designer::{DesignOutcome, DesignUsage, Gate};
+use env_core::ScenarioId;
 
 use super::output::DesignOutput;
 use super::{DesignJob, JobDesigner};
+use crate::wire::WireError;
 
 /// Largest number of layouts of a language model, for each requested one: two conversations of four answers of eight layouts, of which
 /// twice as many are judged.
@@ -29,6 +31,24 @@ pub enum DesignFault {
     Form(&'static str),
 }
 
+/// An admitted layout that was judged again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RejudgedLayout {
+    /// Scenario of the layout.
+    pub scenario: ScenarioId,
+    /// True if the gate of this process admits it with the same bracket.
+    pub is_equal: bool,
+}
+
+impl JobDesigner {
+    const fn reported(self) -> ReportedDesigner {
+        match self {
+            Self::Procedural => ReportedDesigner::Procedural,
+            Self::Llm => ReportedDesigner::Llm,
+        }
+    }
+}
+
 impl DesignOutput {
     /// Checks the result with the gate of its job, which admits the layouts again. Layouts for whose index `is_audited` returns true are
     /// judged again.
@@ -42,10 +62,7 @@ impl DesignOutput {
         is_audited: impl Fn(usize) -> bool,
     ) -> Result<DesignOutcome, DesignFault> {
         self.check_form(job)?;
-        let designer = match job.designer {
-            JobDesigner::Procedural => ReportedDesigner::Procedural,
-            JobDesigner::Llm => ReportedDesigner::Llm,
-        };
+        let designer = job.designer.reported();
         let mut judged = Vec::with_capacity(self.layouts.len());
         for (index, layout) in self.layouts.into_iter().enumerate() {
             let check = if is_audited(index) { LayoutCheck::Judge } else { LayoutCheck::Confirm };
@@ -53,6 +70,28 @@ impl DesignOutput {
             judged.push(layout.map_err(|fault| DesignFault::Layout { number: index + 1, fault })?);
         }
         Ok(DesignOutcome { judged, usage: self.usage, warnings: self.warnings })
+    }
+
+    /// Judges the admitted layouts of a checked result again. Each is compared with the archive that its worker had, so that a wrong
+    /// layout makes no later one wrong.
+    ///
+    /// # Errors
+    /// Returns [`WireError::Mismatch`] if the task has no design language.
+    pub fn judge_admitted(self, job: &DesignJob) -> Result<Vec<RejudgedLayout>, WireError> {
+        let (designer, mut gate) = (job.designer.reported(), job.gate()?);
+        let mut rejudged = Vec::new();
+        for layout in self.layouts.into_iter().filter(ReportedLayout::is_admitted) {
+            let mut judging = Gate::new(gate.language(), gate.archive().to_vec());
+            let again = layout.clone().check(&job.brief, &mut judging, designer, LayoutCheck::Judge);
+            let admitted = layout.check(&job.brief, &mut gate, designer, LayoutCheck::Confirm);
+            // The check of the result has confirmed it before.
+            if let Ok(admitted) = admitted.and_then(|judged| judged.verdict.map_err(ReportFault::NotAdmitted))
+            {
+                let scenario = admitted.scenario().id();
+                rejudged.push(RejudgedLayout { scenario, is_equal: again.is_ok() });
+            }
+        }
+        Ok(rejudged)
     }
 
     /// Checks what follows from the job without looking at a layout.

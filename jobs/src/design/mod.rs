@@ -2,8 +2,8 @@
 //!
 //! A [`DesignJob`] has everything that a designer and its gate need; the endpoint of a language model is configured where it is called.
 //! A [`DesignOutput`] has the layouts with their verdicts. The server checks it by [`DesignOutput::check`]: it parses and builds every
-//! admitted layout again, replays the plan of its bracket, and judges a random share of the layouts again. `wire_brief` and
-//! `output` have the messages.
+//! admitted layout again, replays the plan of its bracket, and judges a random share of the layouts again. If the worker is expelled
+//! later, [`DesignOutput::judge_admitted`] judges the others. `wire_brief` and `output` have the messages.
 
 mod check;
 mod output;
@@ -19,7 +19,7 @@ use self::wire_brief::WireBrief;
 use crate::kind::JobKind;
 use crate::wire::{MAX_ENTRIES, WireError, from_bytes, list, to_bytes};
 
-pub use self::check::DesignFault;
+pub use self::check::{DesignFault, RejudgedLayout};
 pub use self::output::DesignOutput;
 
 /// Largest number of layouts of a job.

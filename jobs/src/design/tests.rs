@@ -113,6 +113,29 @@ fn a_result_that_does_not_fit_is_refused() {
 }
 
 #[test]
+fn only_wrong_layouts_differ_when_they_are_judged_again() {
+    let job = job();
+    let mut output = DesignOutput::from(&design(&job));
+    let scenarios = |output: &DesignOutput| {
+        let outcome = check(output.clone(), &job, false).unwrap();
+        let admitted = outcome.judged.iter().filter_map(|judged| judged.verdict.as_ref().ok());
+        admitted.map(|admitted| admitted.scenario().id()).collect::<Vec<_>>()
+    };
+    let admitted = scenarios(&output);
+    let equal = |is_equal: &[bool]| {
+        let rejudged = admitted.iter().zip(is_equal);
+        rejudged.map(|(&scenario, &is_equal)| RejudgedLayout { scenario, is_equal }).collect::<Vec<_>>()
+    };
+    assert_eq!(output.clone().judge_admitted(&job).unwrap(), equal(&[true; 2]));
+    // The panel of a bracket passes the check, but not a second judgement.
+    let first = output.layouts.iter_mut().find(|layout| layout.is_admitted()).unwrap();
+    let ReportedVerdict::Admitted { bracket, .. } = &mut first.verdict else { panic!("admitted") };
+    bracket.panel[1].score -= 1e-9;
+    assert_eq!(scenarios(&output), admitted);
+    assert_eq!(output.judge_admitted(&job).unwrap(), equal(&[false, true]));
+}
+
+#[test]
 fn invalid_jobs_are_refused() {
     let many = DesignJob { brief: DesignBrief { count: MAX_COUNT + 1, ..job().brief }, ..job() };
     assert!(DesignJob::decode(&many.encode().unwrap()).is_err());

@@ -27,6 +27,8 @@ pub enum LayoutStatus {
     Hopeless,
     /// A user retired it; it is never served.
     RetiredByUser,
+    /// The server judges it otherwise than the worker that designed it; it is never served.
+    Wrong,
 }
 
 impl LayoutStatus {
@@ -42,6 +44,7 @@ impl LayoutStatus {
             (LayoutState::Retired, Some(RetirementReason::Mastered)) => Some(Self::Mastered),
             (LayoutState::Retired, Some(RetirementReason::Hopeless)) => Some(Self::Hopeless),
             (LayoutState::Retired, Some(RetirementReason::User) | None) => Some(Self::RetiredByUser),
+            (LayoutState::Retired, Some(RetirementReason::Wrong)) => Some(Self::Wrong),
         }
     }
 
@@ -53,6 +56,7 @@ impl LayoutStatus {
             Self::Mastered => (LayoutState::Retired, Some(RetirementReason::Mastered)),
             Self::Hopeless => (LayoutState::Retired, Some(RetirementReason::Hopeless)),
             Self::RetiredByUser => (LayoutState::Retired, Some(RetirementReason::User)),
+            Self::Wrong => (LayoutState::Retired, Some(RetirementReason::Wrong)),
         };
         LayoutTransition { state, retirement_reason, reason }
     }
@@ -217,6 +221,7 @@ mod tests {
             LayoutStatus::Mastered,
             LayoutStatus::Hopeless,
             LayoutStatus::RetiredByUser,
+            LayoutStatus::Wrong,
         ] {
             let stored = status.transition(String::new());
             assert_eq!(LayoutStatus::from_stored(stored.state, stored.retirement_reason), Some(status));

@@ -3,7 +3,8 @@
 //! [`demand`] decides when a designer is asked. [`start_design`] starts a request, [`brief`] loads the designer's brief, and
 //! [`finish_design`] stores the layouts that the gate admitted. [`serve`] mixes layouts into leases, with the share that
 //! [`learning_value`] gives them by the groups that [`closed_groups`] counts. [`outcome`] counts how groups on layouts ended, and
-//! [`layout_status`] decides when they retire. Clients use [`request_design`] and [`retire_layout`]. The worker that calls designers
+//! [`layout_status`] decides when they retire. Clients use [`request_design`] and [`retire_layout`]. [`retire_wrong`]
+//! takes back layouts of a worker that was expelled. The worker that calls designers
 //! is `workers::design`; the designers themselves are in the crate `designer`.
 
 pub mod brief;
@@ -18,6 +19,7 @@ pub mod place;
 pub mod profile;
 pub mod request_design;
 pub mod retire_layout;
+pub mod retire_wrong;
 pub mod serve;
 pub mod settings;
 pub mod start_design;

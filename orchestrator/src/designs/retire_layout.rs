@@ -28,13 +28,17 @@ impl Change for SetLayoutRetired {
         tx.run(self.run.as_str()).await?;
         let (now, conn) = (tx.now, &mut tx.conn);
         let row = find_layout(conn, &self.run, &self.layout).await?;
-        let status = LayoutStatus::from_stored(row.state, row.retirement_reason)
-            .ok_or_else(|| ServiceError::Refused(self.layout.to_string()))?;
+        let refused = || ServiceError::Refused(self.layout.to_string());
+        let status = LayoutStatus::from_stored(row.state, row.retirement_reason).ok_or_else(refused)?;
         let (target, reason) = match self.retired {
             true => (LayoutStatus::RetiredByUser, "taken out by hand"),
             false => (LayoutStatus::Active, "put back by hand"),
         };
-        if status == target {
+        // The gate refuses a wrong layout, which stays retired.
+        if status == LayoutStatus::Wrong && !self.retired {
+            return Err(refused());
+        }
+        if status == target || status == LayoutStatus::Wrong {
             return Ok(row);
         }
         if !self.retired {

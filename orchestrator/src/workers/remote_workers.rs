@@ -1,12 +1,15 @@
-//! Announces the workers on other machines: in the log, and as warnings of the active runs.
+//! Announces the workers on other machines: in the log, and as warnings of the active runs. Corrects wrong results of expelled ones.
 
-use job_queue::status::{QueueNotice, Recomputation, WorkerIdentity, WrongResult};
+use std::time::Duration;
+
+use job_queue::status::{QueueNotice, Recomputation, WorkerIdentity, WrongLayout, WrongResult};
 use jobs::audit::{AuditOutput, AuditPayload};
 use jobs::{JobOutput, JobPayload};
 use sqlx::SqlitePool;
 use store::runs;
 use tokio::sync::mpsc::UnboundedReceiver;
 
+use crate::designs::retire_wrong::{RetireWrongLayouts, RetiredLayouts};
 use crate::engine::change::Change;
 use crate::engine::error::ServiceError;
 use crate::engine::event::RunEvent;
@@ -15,6 +18,11 @@ use crate::engine::writer::Writer;
 use crate::results::correct_results::{CorrectResults, ServerReplay};
 use crate::workers::round_error::ends_worker;
 
+/// Largest number of tries to retire layouts. Together they take longer than a language model has for a design request.
+const MAX_RETIREMENTS: u32 = 600;
+/// Pause between two of these tries.
+const RETIREMENT_PAUSE: Duration = Duration::from_secs(2);
+
 /// Runs until the queue ends.
 pub(super) async fn run(readers: SqlitePool, writer: Writer, mut notices: UnboundedReceiver<QueueNotice>) {
     while let Some(notice) = notices.recv().await {
@@ -22,7 +30,8 @@ pub(super) async fn run(readers: SqlitePool, writer: Writer, mut notices: Unboun
         log(&notice, &message);
         let announced = announce(&readers, &writer, message).await;
         let handled = match notice {
-            QueueNotice::Recomputed(Recomputation { wrong, .. }) => {
+            QueueNotice::Recomputed(Recomputation { wrong, wrong_layouts, .. }) => {
+                tokio::spawn(retire_layouts(writer.clone(), wrong_layouts));
                 correct(&writer, wrong).await.and(announced)
             }
             _ => announced,
@@ -36,8 +45,10 @@ pub(super) async fn run(readers: SqlitePool, writer: Writer, mut notices: Unboun
 }
 
 fn log(notice: &QueueNotice, message: &str) {
-    let is_wrong =
-        matches!(notice, QueueNotice::Recomputed(Recomputation { wrong, .. }) if !wrong.is_empty());
+    let is_wrong = matches!(
+        notice, QueueNotice::Recomputed(Recomputation { wrong, wrong_layouts, .. })
+        if !wrong.is_empty() || !wrong_layouts.is_empty()
+    );
     if is_wrong || matches!(notice, QueueNotice::Expelled(..)) {
         tracing::error!("{message}");
     } else if matches!(notice, QueueNotice::Stalled(_) | QueueNotice::Refused(..) | QueueNotice::Degraded(_))
@@ -62,8 +73,8 @@ fn describe(notice: &QueueNotice) -> String {
             "{} was expelled with its host: {reason}. The server recomputes its results since the last that was verified.",
             name(worker)
         ),
-        QueueNotice::Recomputed(Recomputation { worker, items, wrong }) => {
-            let wrong = wrong.len();
+        QueueNotice::Recomputed(Recomputation { worker, items, wrong, wrong_layouts }) => {
+            let wrong = wrong.len() + wrong_layouts.len();
             format!("{}: the server recomputed {items} results, of which {wrong} were wrong.", name(worker))
         }
         QueueNotice::Degraded(reason) => format!("Workers do no jobs: {reason}."),
@@ -80,6 +91,25 @@ async fn correct(writer: &Writer, wrong: Vec<WrongResult>) -> Result<(), Service
     let corrected = writer.change(CorrectResults(replays)).await?;
     tracing::warn!(corrected, "Stored results of an expelled worker were corrected.");
     Ok(())
+}
+
+/// Retires wrong layouts. Those that a design request has not stored yet are retired as soon as it has.
+async fn retire_layouts(writer: Writer, mut wrong: Vec<WrongLayout>) {
+    let mut tries = 0;
+    while !wrong.is_empty() && tries < MAX_RETIREMENTS {
+        tries += 1;
+        match writer.change(RetireWrongLayouts(wrong.clone())).await {
+            Ok(RetiredLayouts { retired, expected }) => {
+                if retired > 0 {
+                    tracing::warn!(retired, "Layouts of an expelled worker were retired.");
+                }
+                wrong = expected;
+            }
+            Err(error) if ends_worker(&error, "layouts of an expelled worker could not be retired") => return,
+            Err(_) => {} // the log has it
+        }
+        tokio::time::sleep(RETIREMENT_PAUSE).await;
+    }
 }
 
 /// The replay of the server, if a wrong result is one of an episode that replays.

@@ -209,7 +209,7 @@ class Designs:
         return response
 
     def revive(self, run: str, design: str) -> types.DesignSummary:
-        """Restore a retired layout, for any reason of its retirement."""
+        """Restore a retired layout, for any reason of its retirement but `wrong`."""
         response: types.DesignSummary = self._send(
             "POST", f"/v1/runs/{_segment(run)}/designs/{_segment(design)}/revive", {}, None, is_repeatable=True
         )
@@ -1163,7 +1163,7 @@ class AsyncDesigns:
         return response
 
     async def revive(self, run: str, design: str) -> types.DesignSummary:
-        """Restore a retired layout, for any reason of its retirement."""
+        """Restore a retired layout, for any reason of its retirement but `wrong`."""
         response: types.DesignSummary = await self._send(
             "POST", f"/v1/runs/{_segment(run)}/designs/{_segment(design)}/revive", {}, None, is_repeatable=True
         )

@@ -1570,7 +1570,7 @@ class TaskDesigns(TypedDict):
     refused: list[GateCheckCount]
     """Numbers of refused designs by check of the gate, in the order of the checks, including designs that are not kept."""
     retired: dict[str, int]
-    """Numbers of retired layouts by reason: `mastered`, `hopeless`, `user`."""
+    """Numbers of retired layouts by reason: `mastered`, `hopeless`, `user`, `wrong`."""
     task: str
     """Id of the task."""
 
@@ -2210,7 +2210,7 @@ class DesignSummary(TypedDict):
     state: DesignState
     """State of the design."""
     state_reason: NotRequired[str | None]
-    """Reason of retirement (`mastered`, `hopeless` or `user`), or the check of the gate that refused the design."""
+    """Reason of retirement (`mastered`, `hopeless`, `user` or `wrong`), or the check of the gate that refused the design."""
     task: str
     """Id of the task."""
 

@@ -10,6 +10,7 @@ use jobs::envelope::{JobReply, ReplyBody};
 use jobs::{JobKind, WireError};
 
 use super::pending::RemoteReply;
+use super::unverified::UnverifiedDesign;
 use super::{Link, Shared};
 use crate::queue::{JobError, Receipt};
 
@@ -84,16 +85,23 @@ impl DesignQueue {
     /// # Errors
     /// Returns [`RemoteDesignError`] if no worker designed layouts that pass the gate of this process.
     pub async fn design(&self, job: Arc<DesignJob>) -> Result<RemoteDesign, RemoteDesignError> {
-        let shared = &self.0;
-        let reply = shared.ask_worker(job.designer.kind(), job.encode()?).await;
+        let (shared, message) = (&self.0, job.encode()?);
+        let sent_bytes = message.len();
+        let reply = shared.ask_worker(job.designer.kind(), message).await;
         let RemoteReply { worker, envelope, acker } = reply.ok_or(RemoteDesignError::NoWorker)?;
         let error = match envelope.reply {
             JobReply::Done { .. } if !shared.registry.lock().may_work(&worker) => {
-                shared.count(|counters| counters.ignored_results += 1);
-                RemoteDesignError::Refused(format!("{worker} was expelled"))
+                shared.ignore_design(&worker)
             }
             JobReply::Done { body, .. } => match shared.check_design(&worker, &job, &body).await? {
-                Ok(result) => return Ok(RemoteDesign { result, receipt: shared.receipt(acker) }),
+                Ok(CheckedDesign { result, audited }) => {
+                    let bytes = sent_bytes + body.bytes().len();
+                    let unverified = UnverifiedDesign { job: Arc::clone(&job), body, bytes };
+                    if shared.count_design(&worker, audited, unverified) {
+                        return Ok(RemoteDesign { result, receipt: shared.receipt(acker) });
+                    }
+                    shared.ignore_design(&worker)
+                }
                 Err(wrong) => {
                     let reason = format!("its result of a {} job is wrong: {wrong}", job.designer.kind());
                     shared.expel(&worker, reason.clone());
@@ -114,25 +122,35 @@ impl DesignQueue {
 }
 
 impl Shared {
-    /// Checks the layouts of a worker on a background thread, and counts them.
+    /// Checks the layouts of a worker on a background thread.
     async fn check_design(
         &self,
         worker: &str,
         job: &Arc<DesignJob>,
         body: &ReplyBody,
-    ) -> Result<Result<DesignResult, WrongDesign>, JobError> {
-        let (share, is_due) = (self.config.verified_share, self.registry.lock().is_unknown(worker));
-        let (job, body, kind) = (Arc::clone(job), body.clone(), job.designer.kind());
-        let bytes = body.bytes().len() as u64;
-        let checked = self.local.run_in_background(move || check(&job, &body, share, is_due)).await?;
-        Ok(checked.map(|CheckedDesign { result, audited }| {
+    ) -> Result<Result<CheckedDesign, WrongDesign>, JobError> {
+        let (share, is_due) = (self.config.verified_share, self.registry.lock().must_judge(worker));
+        let (job, body) = (Arc::clone(job), body.clone());
+        self.local.run_in_background(move || check(&job, &body, share, is_due)).await
+    }
+
+    /// Counts the layouts of a request. Returns false if they may not be used, because their worker was expelled meanwhile.
+    fn count_design(&self, worker: &str, judged: u64, unverified: UnverifiedDesign) -> bool {
+        let (kind, bytes) = (unverified.job.designer.kind(), unverified.body.bytes().len() as u64);
+        let is_counted = self.registry.lock().count_design(worker, judged, unverified);
+        if is_counted {
             self.count(|counters| {
                 counters.count_remote(kind, bytes);
-                counters.verified_items += audited;
+                counters.verified_items += judged;
             });
-            self.registry.lock().count_design(worker, audited);
-            result
-        }))
+        }
+        is_counted
+    }
+
+    /// Counts layouts that are not used.
+    fn ignore_design(&self, worker: &str) -> RemoteDesignError {
+        self.count(|counters| counters.ignored_results += 1);
+        RemoteDesignError::Refused(format!("{worker} was expelled"))
     }
 }
 

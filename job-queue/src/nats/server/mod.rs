@@ -1,8 +1,8 @@
 //! Server side: jobs go to workers if that pays, and are done here if no worker can do them.
 //!
 //! [`NatsQueue`] decides for each job. `session` holds the connection to NATS, `pending` the jobs without a result, `registry` the
-//! workers, `costs` the estimates by which cheap jobs stay here, `verify` the trust in workers, `designs` the layouts that workers
-//! design, and `rollouts` the groups that they roll out.
+//! workers, `costs` the estimates by which cheap jobs stay here, `verify` the trust in workers, `unverified` the results that
+//! were only trusted, `designs` the layouts that workers design, and `rollouts` the groups that they roll out.
 
 mod costs;
 mod designs;
@@ -11,6 +11,7 @@ mod pending;
 mod registry;
 mod rollouts;
 mod session;
+mod unverified;
 mod verify;
 
 use std::sync::Arc;
@@ -32,15 +33,16 @@ use tokio::task::JoinHandle;
 use self::costs::CostEstimates;
 pub use self::designs::{DesignQueue, RemoteDesign, RemoteDesignError};
 use self::pending::{PendingJobs, RemoteEnd, RemoteReply, SentJob};
-use self::registry::{UnverifiedJob, WorkerRegistry};
+use self::registry::WorkerRegistry;
 pub use self::rollouts::{RemoteRollout, RemoteRolloutError, RolloutQueue};
+use self::unverified::UnverifiedJob;
 use self::verify::ItemsToVerify;
 use super::connection::NatsConfig;
 use super::names::subject_word;
 use super::objects::{OBJECT_HEADER, ObjectBucket, ObjectGuard};
 use crate::local::{LocalQueue, TimedOutput};
 use crate::queue::{CompletedJob, JobError, JobQueue, Receipt};
-use crate::status::{QueueCounters, QueueNotice, QueueStatus, WrongResult};
+use crate::status::{QueueCounters, QueueNotice, QueueStatus};
 
 /// Largest number of episodes of a job that goes to a worker.
 const MAX_ITEMS_SENT: usize = 32;
@@ -102,13 +104,6 @@ struct Publisher {
     jobs: Stream,
     /// Jobs and results that are too large for a message.
     objects: ObjectBucket,
-}
-
-/// Wrong results that a recomputation finds.
-#[derive(Default)]
-struct WrongSet {
-    items: usize,
-    wrong: Vec<WrongResult>,
 }
 
 impl std::fmt::Debug for Shared {
@@ -319,8 +314,7 @@ impl Shared {
             (registry.may_work(&worker), registry.must_verify(&worker))
         };
         if !is_welcome {
-            self.count(|counters| counters.ignored_results += 1);
-            self.acknowledge(acker);
+            self.ignore(acker);
             return None;
         }
         let output = match JobOutput::decode(job, body.bytes()) {
@@ -345,9 +339,12 @@ impl Shared {
             Ok(true) => {}
         }
         let bytes = body.bytes().len();
-        self.count(|counters| counters.count_remote(job.kind(), bytes as u64));
         let unverified = UnverifiedJob { job: Arc::clone(job), output: output.clone(), bytes };
-        self.registry.lock().count_job(&worker, unverified);
+        if !self.registry.lock().count_job(&worker, unverified) {
+            self.ignore(acker);
+            return None;
+        }
+        self.count(|counters| counters.count_remote(job.kind(), bytes as u64));
         Some(Ok(CompletedJob { output, receipt: self.receipt(acker) }))
     }
 
@@ -361,6 +358,12 @@ impl Shared {
     fn acknowledge(&self, acker: Acker) {
         // The session ends with the process, and the message is then delivered again.
         drop(self.acknowledgements.send(acker));
+    }
+
+    /// Ignores the result of an expelled worker.
+    fn ignore(&self, acker: Acker) {
+        self.count(|counters| counters.ignored_results += 1);
+        self.acknowledge(acker);
     }
 
     fn notify(&self, notice: QueueNotice) {

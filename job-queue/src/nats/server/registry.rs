@@ -3,13 +3,13 @@
 #[cfg(test)]
 mod tests;
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
-use std::sync::Arc;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
+use jobs::JobKind;
 use jobs::envelope::JobId;
-use jobs::{JobKind, JobOutput, JobPayload};
 
+use super::unverified::{UnverifiedDesign, UnverifiedJob, UnverifiedWork};
 use crate::nats::membership::{ControlMessage, Heartbeat};
 use crate::status::{QueueNotice, WorkerIdentity, WorkerState, WorkerStatus};
 
@@ -19,21 +19,8 @@ const STALLED_AFTER: Duration = Duration::from_secs(4);
 const FORGOTTEN_AFTER: Duration = Duration::from_secs(120);
 /// Largest number of known workers.
 const MAX_WORKERS: usize = 10_000;
-/// Largest number of jobs of a worker that are kept until the next agreement. The next result is verified when they are reached.
-const MAX_UNVERIFIED: usize = 256;
-/// Largest size of these jobs, in bytes of their messages.
-const MAX_UNVERIFIED_BYTES: usize = 4 << 20;
 /// Weight of the last second in the rate of jobs.
 const RATE_WEIGHT: f64 = 0.1;
-
-/// A job whose result was used without being verified.
-#[derive(Debug, Clone)]
-pub(super) struct UnverifiedJob {
-    pub(super) job: Arc<JobPayload>,
-    pub(super) output: JobOutput,
-    /// Size of the messages with both.
-    pub(super) bytes: usize,
-}
 
 /// A worker with its results.
 #[derive(Debug)]
@@ -49,7 +36,7 @@ struct WorkerRecord {
     /// Value of `jobs` at the last tick.
     counted: u64,
     jobs_per_s: f64,
-    unverified: VecDeque<UnverifiedJob>,
+    unverified: UnverifiedWork,
 }
 
 /// Known workers by id.
@@ -60,6 +47,14 @@ pub(super) struct WorkerRegistry {
     workers: BTreeMap<String, WorkerRecord>,
     /// Hosts whose results were wrong, with the reasons. A worker of such a host is expelled at once.
     expelled_hosts: BTreeMap<String, String>,
+}
+
+/// A worker that was expelled.
+#[derive(Debug)]
+pub(super) struct ExpelledWorker {
+    pub(super) identity: WorkerIdentity,
+    /// Results of all workers of its host since their last agreements.
+    pub(super) unverified: UnverifiedWork,
 }
 
 /// Reaction to a heartbeat.
@@ -144,7 +139,7 @@ impl WorkerRegistry {
             verified: 0,
             counted: 0,
             jobs_per_s: 0.0,
-            unverified: VecDeque::new(),
+            unverified: UnverifiedWork::default(),
             heartbeat,
         };
         self.workers.insert(record.heartbeat.id.clone(), record);
@@ -217,38 +212,42 @@ impl WorkerRegistry {
 
     /// True if the results of a worker may be used. A result can arrive before the first heartbeat after a restart of the server.
     pub(super) fn may_work(&self, worker: &str) -> bool {
-        let state = self.workers.get(worker).map(|record| record.state);
-        state.is_none_or(|state| matches!(state, WorkerState::Active | WorkerState::Stalled))
+        self.workers.get(worker).is_none_or(WorkerRecord::is_welcome)
     }
 
-    /// True if the next result of a worker must be verified.
+    /// True if the next result of a worker must be verified. That of a worker without a heartbeat is: nothing counts its results.
     pub(super) fn must_verify(&self, worker: &str) -> bool {
-        // The results of a worker without a heartbeat are counted nowhere, so each is verified.
-        self.workers.get(worker).is_none_or(|record| {
-            let bytes: usize = record.unverified.iter().map(|job| job.bytes).sum();
-            record.unverified.len() >= MAX_UNVERIFIED || bytes >= MAX_UNVERIFIED_BYTES
-        })
+        self.workers.get(worker).is_none_or(|record| record.unverified.is_full_of_jobs())
     }
 
-    /// Counts a result that is used.
-    pub(super) fn count_job(&mut self, worker: &str, unverified: UnverifiedJob) {
-        if let Some(record) = self.workers.get_mut(worker) {
+    /// True if a layout of the next design request of a worker must be judged again.
+    pub(super) fn must_judge(&self, worker: &str) -> bool {
+        self.workers.get(worker).is_none_or(|record| record.unverified.is_full_of_designs())
+    }
+
+    /// Counts a result, which may be used. Returns false if the worker was expelled meanwhile: the result may not be used.
+    pub(super) fn count_job(&mut self, worker: &str, unverified: UnverifiedJob) -> bool {
+        let Some(record) = self.workers.get_mut(worker) else { return true };
+        if record.is_welcome() {
             record.jobs += 1;
-            record.unverified.push_back(unverified);
+            record.unverified.jobs.push(unverified);
         }
+        record.is_welcome()
     }
 
-    /// True if no heartbeat of a worker has arrived, so that nothing counts its results.
-    pub(super) fn is_unknown(&self, worker: &str) -> bool {
-        !self.workers.contains_key(worker)
-    }
-
-    /// Counts layouts that were designed, of which some were judged again. They say nothing about earlier jobs of other kinds.
-    pub(super) fn count_design(&mut self, worker: &str, verified: u64) {
-        if let Some(record) = self.workers.get_mut(worker) {
+    /// Counts layouts, of which `judged` were judged again. Then earlier layouts of the worker count as verified, but no jobs of other
+    /// kinds. Returns false if the worker was expelled meanwhile: the layouts may not be used.
+    pub(super) fn count_design(&mut self, worker: &str, judged: u64, unverified: UnverifiedDesign) -> bool {
+        let Some(record) = self.workers.get_mut(worker) else { return true };
+        if record.is_welcome() {
             record.jobs += 1;
-            record.verified += verified;
+            record.verified += judged;
+            if judged > 0 {
+                record.unverified.designs.clear();
+            }
+            record.unverified.designs.push(unverified);
         }
+        record.is_welcome()
     }
 
     /// Counts a group that was rolled out.
@@ -262,7 +261,7 @@ impl WorkerRegistry {
     pub(super) fn count_agreement(&mut self, worker: &str, items: u64) {
         if let Some(record) = self.workers.get_mut(worker) {
             record.verified += items;
-            record.unverified.clear();
+            record.unverified.jobs.clear();
         }
     }
 
@@ -273,25 +272,21 @@ impl WorkerRegistry {
         }
     }
 
-    /// Expels a worker, and every other worker of its host. Returns the jobs since the last agreement; `None` if it was expelled before.
-    pub(super) fn expel(
-        &mut self,
-        worker: &str,
-        reason: &str,
-    ) -> Option<(WorkerIdentity, Vec<UnverifiedJob>)> {
+    /// Expels a worker, and every other worker of its host. `None` if it was expelled before.
+    pub(super) fn expel(&mut self, worker: &str, reason: &str) -> Option<ExpelledWorker> {
         let host = self.workers.get(worker).map(|record| record.heartbeat.host.clone());
         let host = host.unwrap_or_else(|| worker.to_owned());
         if self.expelled_hosts.insert(host.clone(), reason.to_owned()).is_some() {
             return None;
         }
-        let mut unverified = Vec::new();
+        let mut unverified = UnverifiedWork::default();
         for record in self.workers.values_mut().filter(|record| record.heartbeat.host == host) {
             record.state = WorkerState::Expelled;
             record.reason = Some(reason.to_owned());
             record.errors += u64::from(record.heartbeat.id == worker);
-            unverified.extend(record.unverified.drain(..));
+            unverified.append(&mut record.unverified);
         }
-        Some((WorkerIdentity { id: worker.to_owned(), host }, unverified))
+        Some(ExpelledWorker { identity: WorkerIdentity { id: worker.to_owned(), host }, unverified })
     }
 
     /// Returns all known workers.
@@ -301,6 +296,11 @@ impl WorkerRegistry {
 }
 
 impl WorkerRecord {
+    /// True if the results of the worker may be used.
+    const fn is_welcome(&self) -> bool {
+        matches!(self.state, WorkerState::Active | WorkerState::Stalled)
+    }
+
     fn identity(&self) -> WorkerIdentity {
         WorkerIdentity { id: self.heartbeat.id.clone(), host: self.heartbeat.host.clone() }
     }

@@ -3,13 +3,15 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use jobs::design::{DesignOutput, RejudgedLayout};
 use jobs::prepare::job::PrepareOutcome;
 use jobs::{JobOutput, JobPayload};
 
-use super::registry::UnverifiedJob;
-use super::{Shared, WrongSet};
+use super::Shared;
+use super::registry::ExpelledWorker;
+use super::unverified::{UnverifiedDesign, UnverifiedJob};
 use crate::queue::JobError;
-use crate::status::{QueueNotice, Recomputation, WrongResult};
+use crate::status::{QueueNotice, Recomputation, WrongLayout, WrongResult};
 
 /// Items of a result that the server recomputes before it uses the result.
 #[derive(Debug, Default)]
@@ -83,18 +85,25 @@ impl Shared {
 
     /// Expels a worker, and recomputes its results since the last agreement.
     pub(super) fn expel(self: &Arc<Self>, worker: &str, reason: String) {
-        let Some((identity, unverified)) = self.registry.lock().expel(worker, &reason) else { return };
+        let Some(ExpelledWorker { identity, unverified }) = self.registry.lock().expel(worker, &reason)
+        else {
+            return;
+        };
         self.notify(QueueNotice::Expelled(identity.clone(), reason));
         let shared = Arc::clone(self);
         tokio::spawn(async move {
-            let mut found = WrongSet::default();
-            for UnverifiedJob { job, output, .. } in unverified {
+            let mut found = Recomputation::new(identity);
+            for UnverifiedJob { job, output, .. } in unverified.jobs {
                 if shared.recompute(&job, &output, &mut found).await.is_err() {
                     return; // the process stops
                 }
             }
-            let WrongSet { items, wrong } = found;
-            shared.notify(QueueNotice::Recomputed(Recomputation { worker: identity, items, wrong }));
+            for design in unverified.designs {
+                if shared.judge_again(design, &mut found).await.is_err() {
+                    return;
+                }
+            }
+            shared.notify(QueueNotice::Recomputed(found));
         });
     }
 
@@ -103,7 +112,7 @@ impl Shared {
         &self,
         job: &JobPayload,
         reported: &JobOutput,
-        found: &mut WrongSet,
+        found: &mut Recomputation,
     ) -> Result<(), JobError> {
         for index in (0..job.len()).filter(|&index| is_comparable(reported, index)) {
             let Some(item) = job.item(index) else { continue };
@@ -111,6 +120,29 @@ impl Shared {
             found.items += 1;
             if !reported.item_equals(index, &computed) {
                 found.wrong.push(WrongResult { job: item, computed });
+            }
+        }
+        Ok(())
+    }
+
+    /// Judges the admitted layouts of a design request again, and collects those whose verdict differs.
+    async fn judge_again(
+        &self,
+        UnverifiedDesign { job, body, .. }: UnverifiedDesign,
+        found: &mut Recomputation,
+    ) -> Result<(), JobError> {
+        let judged = {
+            let job = Arc::clone(&job);
+            self.local
+                .run_in_background(move || DesignOutput::decode(body.bytes())?.judge_admitted(&job))
+                .await?
+        };
+        // The body was read before, when the layouts arrived.
+        for RejudgedLayout { scenario, is_equal } in judged.unwrap_or_default() {
+            found.items += 1;
+            if !is_equal {
+                let task = job.brief.recipe.task().id().to_owned();
+                found.wrong_layouts.push(WrongLayout { run: job.run.clone(), task, scenario });
             }
         }
         Ok(())

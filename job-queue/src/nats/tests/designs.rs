@@ -3,13 +3,15 @@
 use std::sync::Arc;
 
 use designer::procedural::ProceduralDesigner;
+use designer::reported::ReportedVerdict;
 use designer::{DesignBrief, DesignOutcome};
 use jobs::design::{DesignJob, DesignOutput, JobDesigner};
 use jobs::envelope::{JobReply, ReplyBody};
 
 use super::fake_worker::FakeWorker;
 use super::*;
-use crate::nats::server::RemoteDesignError;
+use crate::nats::server::{DesignQueue, RemoteDesign, RemoteDesignError};
+use crate::status::WrongLayout;
 
 fn design_job(designer: JobDesigner) -> DesignJob {
     let task = env_core::task(TASK).unwrap();
@@ -55,34 +57,67 @@ fn forged(job: &jobs::envelope::JobEnvelope, distort: impl Fn(&mut DesignOutput)
     JobReply::Done { body: ReplyBody::new(output.encode().unwrap()), micros: 1 }
 }
 
+/// Raises the score of every admitted layout, which the check of each result finds.
+fn raise_references(output: &mut DesignOutput) {
+    for layout in &mut output.layouts {
+        if let ReportedVerdict::Admitted { bracket, .. } = &mut layout.verdict {
+            bracket.reference.score += 0.25;
+        }
+    }
+}
+
+/// Changes the panel of the first admitted layout, which only a second judgement finds.
+fn lower_panel(output: &mut DesignOutput) {
+    let first = output.layouts.iter_mut().find(|layout| layout.is_admitted()).unwrap();
+    let ReportedVerdict::Admitted { bracket, .. } = &mut first.verdict else { panic!("admitted") };
+    bracket.panel[1].score -= 1e-9;
+}
+
+/// Lets a fake worker design, with changes of its result.
+async fn design_forged(
+    nats: &NatsServer,
+    worker: &FakeWorker,
+    designs: &DesignQueue,
+    job: &Arc<DesignJob>,
+    distort: impl Fn(&mut DesignOutput),
+) -> Result<RemoteDesign, RemoteDesignError> {
+    let serve = async {
+        let (envelope, acker) = worker.take(nats).await;
+        worker.send(nats, &envelope, forged(&envelope, distort), &envelope.id.to_string()).await;
+        acker.ack().await.unwrap();
+    };
+    tokio::join!(designs.design(Arc::clone(job)), serve).0
+}
+
 #[tokio::test(flavor = "multi_thread")]
-async fn a_worker_with_wrong_layouts_is_expelled() {
-    use designer::reported::ReportedVerdict;
+async fn earlier_layouts_of_an_expelled_worker_are_judged_again() {
     let Some(nats) = NatsServer::start() else { return };
     let (queue, mut notices) = start_queue(&nats, 0.0, LONG);
     let worker = FakeWorker::join_for(&nats, "liar", JobKind::DesignProcedural).await;
     wait_for_workers(&queue, 1).await;
     let designs = queue.designs();
-    let serve = async {
-        let (envelope, acker) = worker.take(&nats).await;
-        let reply = forged(&envelope, |output| {
-            for layout in &mut output.layouts {
-                if let ReportedVerdict::Admitted { bracket, .. } = &mut layout.verdict {
-                    bracket.reference.score += 0.25;
-                }
-            }
-        });
-        worker.send(&nats, &envelope, reply, "forged").await;
-        acker.ack().await.unwrap();
-    };
     let job = Arc::new(design_job(JobDesigner::Procedural));
-    let (design, ()) = tokio::join!(designs.design(job), serve);
-    let Err(RemoteDesignError::Refused(reason)) = design else { panic!("the layouts were used") };
+    let used = design_forged(&nats, &worker, &designs, &job, lower_panel).await.unwrap().result.outcome;
+    assert_eq!(used.admitted(), 2, "nothing was judged again");
+    let Err(RemoteDesignError::Refused(reason)) =
+        design_forged(&nats, &worker, &designs, &job, raise_references).await
+    else {
+        panic!("the layouts were used")
+    };
     assert!(reason.contains("wrong"), "{reason}");
     assert!(!designs.is_served(JobKind::DesignProcedural));
-    let mut is_announced = false;
-    while let Ok(notice) = notices.try_recv() {
-        is_announced |= matches!(notice, QueueNotice::Expelled(..));
-    }
-    assert!(is_announced);
+    let recomputed = async {
+        let mut is_announced = false;
+        loop {
+            match notices.recv().await.unwrap() {
+                QueueNotice::Expelled(..) => is_announced = true,
+                QueueNotice::Recomputed(recomputed) if is_announced => return recomputed,
+                _ => {}
+            }
+        }
+    };
+    let found = tokio::time::timeout(DEADLINE, recomputed).await.unwrap();
+    let wrong = used.judged.iter().find_map(|judged| judged.verdict.as_ref().ok()).unwrap();
+    let wrong = WrongLayout { run: "run".to_owned(), task: TASK.to_owned(), scenario: wrong.scenario().id() };
+    assert_eq!((found.items, found.wrong.len(), found.wrong_layouts), (2, 0, vec![wrong]));
 }

@@ -8,6 +8,7 @@ pub(crate) mod secure_nats;
 mod security;
 mod servers;
 mod stored_state;
+mod wrong_layouts;
 
 use serde_json::json;
 use system_tests::nats_server::NatsServer;

@@ -1,6 +1,14 @@
 //! Workers join, are refused, and are expelled.
 
+use std::sync::Arc;
+
+use env_core::Recipe;
+use jobs::design::{DesignJob, JobDesigner};
+use jobs::envelope::ReplyBody;
+use jobs::{JobOutput, JobPayload};
+
 use super::*;
+use crate::nats::server::unverified::{MAX_UNVERIFIED, MAX_UNVERIFIED_DESIGNS};
 
 fn heartbeat(id: &str, host: &str, world: &str) -> Heartbeat {
     Heartbeat {
@@ -26,6 +34,17 @@ fn unverified() -> UnverifiedJob {
         output: JobOutput::Critique(jobs::critique::CritiqueOutput(Vec::new())),
         bytes: 10,
     }
+}
+
+fn unverified_design() -> UnverifiedDesign {
+    let recipe = Arc::new(Recipe::at_level(env_core::task("kessler/survival").unwrap(), 2).unwrap());
+    let job = DesignJob {
+        run: "run".to_owned(),
+        designer: JobDesigner::Procedural,
+        brief: designer::DesignBrief::new(recipe, 2, 7),
+        archive: Vec::new(),
+    };
+    UnverifiedDesign { job: Arc::new(job), body: ReplyBody::new(Vec::new()), bytes: 10 }
 }
 
 #[test]
@@ -62,13 +81,19 @@ fn an_expelled_host_stays_away_and_returns_its_jobs() {
         assert!(matches!(reaction.answer, Some(ControlMessage::Welcome { .. })));
     }
     assert_eq!((registry.slots(JobKind::Audit), registry.slots(JobKind::Prepare)), (8, 0));
-    registry.count_job("a-1", unverified());
+    assert!(registry.count_job("a-1", unverified()) && registry.count_design("a-1", 0, unverified_design()));
     registry.count_agreement("a-1", 1);
-    registry.count_job("a-1", unverified());
-    registry.count_job("a-2", unverified());
-    let (identity, jobs) = registry.expel("a-1", "wrong").unwrap();
-    assert_eq!((identity.host.as_str(), jobs.len()), ("a", 2));
+    assert!(registry.count_job("a-1", unverified()) && registry.count_job("a-2", unverified()));
+    // Each layout that is judged again counts for the earlier requests of its worker only.
+    assert!(registry.count_design("a-1", 1, unverified_design()));
+    assert!(registry.count_design("a-1", 0, unverified_design()));
+    assert!(registry.count_design("a-2", 0, unverified_design()));
+    let ExpelledWorker { identity, unverified: work } = registry.expel("a-1", "wrong").unwrap();
+    assert_eq!((identity.host.as_str(), work.jobs.len(), work.designs.len()), ("a", 2, 3));
     assert!(registry.expel("a-1", "wrong").is_none(), "it is expelled once");
+    let is_used =
+        registry.count_job("a-2", unverified()) || registry.count_design("a-2", 0, unverified_design());
+    assert!(!is_used, "a result that was on its way is not used");
     assert!(!registry.may_work("a-2") && registry.slots(JobKind::Audit) == 0);
     let reaction = registry.note_heartbeat(heartbeat("a-3", "a", "w1"));
     assert!(matches!(reaction.answer, Some(ControlMessage::Expelled { .. })));
@@ -81,9 +106,23 @@ fn results_are_verified_at_the_latest_when_many_are_not() {
     registry.note_heartbeat(heartbeat("a-1", "a", "w1"));
     for _ in 0..MAX_UNVERIFIED {
         assert!(!registry.must_verify("a-1"));
-        registry.count_job("a-1", unverified());
+        assert!(registry.count_job("a-1", unverified()));
     }
     assert!(registry.must_verify("a-1"));
     registry.count_agreement("a-1", 1);
     assert!(!registry.must_verify("a-1"));
+}
+
+#[test]
+fn a_layout_is_judged_again_at_the_latest_when_many_are_not() {
+    let mut registry = WorkerRegistry::new("s".to_owned(), "w1");
+    assert!(registry.must_judge("unknown"));
+    registry.note_heartbeat(heartbeat("a-1", "a", "w1"));
+    for _ in 0..MAX_UNVERIFIED_DESIGNS {
+        assert!(!registry.must_judge("a-1"));
+        assert!(registry.count_design("a-1", 0, unverified_design()));
+    }
+    assert!(registry.must_judge("a-1") && !registry.must_verify("a-1"));
+    assert!(registry.count_design("a-1", 1, unverified_design()));
+    assert!(!registry.must_judge("a-1"));
 }

@@ -30,7 +30,7 @@ pub(in crate::http::v1) async fn retire_design(
     set_retired(&app, &run, &design, true).await
 }
 
-/// Restore a retired layout, for any reason of its retirement.
+/// Restore a retired layout, for any reason of its retirement but `wrong`.
 ///
 /// The server leases groups of it again, and resets the outcomes behind its retirement.
 #[utoipa::path(
@@ -38,7 +38,7 @@ pub(in crate::http::v1) async fn retire_design(
     params(("run" = String, Path, description = "The run's id."), ("design" = String, Path, description = "The design's id.")),
     responses(
         (status = 200, body = DesignSummary), (status = 400, body = Problem), (status = 404, body = Problem),
-        (status = 409, body = Problem, description = "The gate refused the design, so it has no layout."),
+        (status = 409, body = Problem, description = "The gate refused the design, or a worker judged it wrongly."),
         (status = 429, body = Problem), (status = 503, body = Problem)
     )
 )]
