@@ -6,6 +6,8 @@
 //! Nothing here touches a database: a result comes with a [`Receipt`], which its caller acknowledges after the commit. Start reading
 //! at [`queue`].
 
+#[cfg(test)]
+mod child_group;
 #[doc(hidden)]
 pub mod fuzzing;
 pub mod local;

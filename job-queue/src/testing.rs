@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::child_group;
+
 /// Time in which a NATS server must listen.
 const START_TIMEOUT: Duration = Duration::from_secs(20);
 
@@ -62,6 +64,12 @@ impl NatsServer {
         format!("tls://localhost:{}", self.port)
     }
 
+    /// Id of the process; none after a kill.
+    #[must_use]
+    pub fn pid(&self) -> Option<u32> {
+        self.process.as_ref().map(Child::id)
+    }
+
     /// Kills the server with SIGKILL. Its streams stay in its folder.
     pub fn kill(&mut self) {
         if let Some(mut process) = self.process.take() {
@@ -80,6 +88,7 @@ impl NatsServer {
         command.args(self.config.iter().flat_map(|file| [Path::new("-c"), file]));
         command.envs(self.variables.iter().cloned());
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        child_group::join(&mut command);
         self.process = Some(command.spawn().expect("the NATS server starts"));
         let started = Instant::now();
         while std::net::TcpStream::connect(("127.0.0.1", self.port)).is_err() {

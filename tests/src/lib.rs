@@ -4,6 +4,8 @@
 //! the crash test ([`crash`]) and a scripted language model ([`mock_llm`]). The tests themselves are in `tests/system`.
 
 mod api_client;
+#[path = "../../job-queue/src/child_group.rs"]
+mod child_group;
 pub mod crash;
 #[cfg(target_os = "linux")]
 pub mod faults;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-use crate::{ApiClient, wait_until};
+use crate::{ApiClient, child_group, wait_until};
 
 /// nginx on a free port. Dropping it ends the process.
 #[derive(Debug)]
@@ -79,6 +79,7 @@ impl Drop for NginxProxy {
 fn spawn(program: &Path, file: &Path, folder: &Path) -> Child {
     let mut command = Command::new(program);
     command.arg("-p").arg(folder).arg("-c").arg(file).args(["-e", "stderr"]);
+    child_group::join(&mut command);
     command.stdin(Stdio::null()).stderr(Stdio::null()).spawn().expect("nginx starts")
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::OnceLock;
 
-use crate::ApiClient;
+use crate::{ApiClient, child_group};
 
 /// Path of the `sparring` binary: the value of `SPARRING_BINARY`, or a binary that this function builds.
 ///
@@ -101,6 +101,7 @@ impl ServerProcess {
     /// Panics if the server does not start.
     #[must_use]
     pub fn spawn(mut command: Command, log: Stdio) -> Self {
+        child_group::join(&mut command);
         let mut child = command.stdout(Stdio::piped()).stderr(log).spawn().expect("the server starts");
         let mut line = String::new();
         let stdout = child.stdout.take().expect("stdout is piped");

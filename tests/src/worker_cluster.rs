@@ -8,7 +8,7 @@ use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, Connection};
 
 use crate::nats_server::NatsServer;
-use crate::{ApiClient, ServerProcess, sparring_binary, wait_until};
+use crate::{ApiClient, ServerProcess, child_group, sparring_binary, wait_until};
 
 /// A `sparring worker` in its own process. Dropping it kills the process.
 #[derive(Debug)]
@@ -41,6 +41,7 @@ impl WorkerProcess {
     pub fn start_with_variables(options: &[&str], variables: &[(&str, &str)]) -> Self {
         let mut command = Command::new(sparring_binary());
         command.args(["worker", "--concurrency", "1"]).args(options).envs(variables.iter().copied());
+        child_group::join(&mut command);
         Self(command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("the worker starts"))
     }
 

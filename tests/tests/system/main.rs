@@ -10,6 +10,8 @@ mod alerts;
 mod api_conformance;
 mod api_page;
 mod bad_input;
+#[cfg(target_os = "linux")]
+mod child_processes;
 mod crash;
 mod curricula;
 mod database;
