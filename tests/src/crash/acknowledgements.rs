@@ -7,7 +7,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use anyhow::ensure;
 use serde_json::Value;
 
-use super::{CurriculumProgress, ServerExits};
+use super::CurriculumProgress;
+use super::processes::ServerExits;
 
 /// Everything that trainers received an acknowledgement for. All trainers share one log.
 #[derive(Debug, Default)]
@@ -184,6 +185,10 @@ impl AcknowledgementLog {
             worker_kills: exits.remote.workers,
             nats_kills: exits.remote.nats,
             remote_jobs: exits.remote.jobs,
+            remote_designs: exits.remote.designs,
+            remote_rollouts: exits.remote.rollouts,
+            elapsed_s: 0,
+            is_interrupted: false,
             unreachable: log.unreachable,
             resumed: log.resumed,
             vectors: log.vectors.values().sum::<u64>(),
@@ -271,6 +276,14 @@ pub struct CrashReport {
     pub nats_kills: u32,
     /// Number of jobs whose results came from workers.
     pub remote_jobs: u64,
+    /// Number of these jobs that designed layouts.
+    pub remote_designs: u64,
+    /// Number of these jobs that rolled out policies.
+    pub remote_rollouts: u64,
+    /// Duration until the last kill, in seconds.
+    pub elapsed_s: u64,
+    /// True if a signal ended the test early.
+    pub is_interrupted: bool,
     /// Number of requests that found no server.
     pub unreachable: u64,
     /// Number of sessions that were resumed after a lost connection.
@@ -305,6 +318,8 @@ impl fmt::Display for CrashReport {
             writeln!(f, "{:<52} {:>9}", "workers killed (SIGKILL)", self.worker_kills)?;
             writeln!(f, "{:<52} {:>9}", "NATS servers killed (SIGKILL)", self.nats_kills)?;
             writeln!(f, "{:<52} {:>9}", "jobs that workers did", self.remote_jobs)?;
+            writeln!(f, "{:<52} {:>9}", "of these, designs", self.remote_designs)?;
+            writeln!(f, "{:<52} {:>9}", "of these, rollouts", self.remote_rollouts)?;
         }
         writeln!(f, "{:<52} {:>9}", "requests without a response, sent again", self.unreachable)?;
         writeln!(f, "{:<52} {:>9}", "sessions resumed after a lost connection", self.resumed)?;

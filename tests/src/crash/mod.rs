@@ -2,10 +2,12 @@
 //!
 //! [`run_crash_test`] starts the trainers, kills the server (every fifth time it sends SIGTERM instead) and finally
 //! compares the acknowledgements that the trainers received with the database. The trainers are in `trainers`, the
-//! comparison is in `acknowledgements`. `sessions` has the trainers that step environments on the server.
+//! comparison is in `acknowledgements`, the processes that die in `processes`. `sessions` has the trainers that step environments on
+//! the server.
 
 mod acknowledgements;
 mod faults;
+mod processes;
 mod progress;
 mod sessions;
 mod trainers;
@@ -22,11 +24,10 @@ use tokio::task::JoinSet;
 
 use self::acknowledgements::ServerState;
 pub use self::acknowledgements::{AcknowledgementLog, CrashReport};
-use self::faults::RandomFaults;
+use self::processes::{KilledProcesses, ServerExits};
 pub use self::progress::CurriculumProgress;
 use self::trainers::Trainer;
-use self::workers::{RandomWorkers, RemoteExits};
-use crate::{ApiClient, ServerProcess, TlsFiles, try_wait_for};
+use crate::{ApiClient, TlsFiles, try_wait_for};
 
 /// Id of the run that all trainers use.
 const RUN: &str = "survivor";
@@ -131,121 +132,144 @@ pub struct CrashPlan {
     pub tls: bool,
     /// True if the disk is full, a sync fails or another process locks the database when some servers are killed. Linux only.
     pub faults: bool,
-    /// Number of workers on NATS; with any, they and NATS are killed, too.
+    /// Number of workers on NATS, which do jobs of all kinds but those of language models and policy files; with any, they and NATS are
+    /// killed, too.
     pub workers: usize,
+    /// Pause of a trainer between two leases or episodes, in milliseconds; 0 loads the machine fully.
+    pub trainer_pause_ms: u64,
+    /// True if Ctrl-C and SIGTERM end the test early, with its report; they no longer end the process.
+    pub ends_on_signal: bool,
     /// Interval of progress lines on stderr, in seconds; 0 prints none.
     pub progress_interval_s: u64,
 }
 
-/// Number of exits of the server during a test.
-#[derive(Debug, Clone, Copy, Default)]
-struct ServerExits {
-    /// Number of exits by SIGKILL.
-    kills: u32,
-    /// Number of exits by SIGTERM.
-    stops: u32,
-    /// Exits of the processes beside the server.
-    remote: RemoteExits,
-}
-
-/// Processes that a crash test kills and starts again.
-struct KilledProcesses {
-    plan: CrashPlan,
-    faults: RandomFaults,
-    workers: RandomWorkers,
-    /// Address of the server, the same after each start.
-    address: String,
-    options: Vec<String>,
-    server: Option<ServerProcess>,
-    exits: ServerExits,
-}
-
-impl KilledProcesses {
-    /// Starts the first server, and the workers if the plan has some.
-    fn start(db: &Path, plan: CrashPlan, tls: Option<&TlsFiles>) -> anyhow::Result<Self> {
-        let (faults, workers) = (RandomFaults::new(db, plan.faults)?, RandomWorkers::start(plan.workers)?);
-        let mut options = tls.map_or_else(Vec::new, |tls| tls.serve_options().to_vec());
-        options.extend(workers.server_options());
-        let server = faults.start_server("127.0.0.1:0", &options);
-        let (address, exits) = (server.address().to_owned(), ServerExits::default());
-        Ok(Self { plan, faults, workers, address, options, server: Some(server), exits })
-    }
-
-    /// Lets the server live for a while.
-    async fn live(&mut self) {
-        let lifetime = draw_lifetime_ms(&self.plan, self.exits.kills + self.exits.stops);
-        // Tests the passing of time: the kill comes at a random moment.
-        self.faults.live(Duration::from_millis(lifetime), self.exits.kills).await;
-    }
-
-    /// Kills the server, or stops it every fifth time, kills some workers, and starts them again.
-    async fn kill_and_restart(&mut self, api: &ApiClient) -> anyhow::Result<()> {
-        self.workers.count_jobs(api).await;
-        let server = self.server.take().context("the server does not run")?;
-        if (self.exits.kills + self.exits.stops) % 5 == 4 {
-            ensure!(server.terminate() == Some(0), "the server did not exit with 0 after SIGTERM");
-            self.exits.stops += 1;
-        } else {
-            server.kill();
-            self.exits.kills += 1;
-        }
-        self.faults.clear().await;
-        self.workers.kill_some(self.exits.kills + self.exits.stops);
-        self.server = Some(self.faults.start_server(&self.address, &self.options));
-        Ok(())
-    }
-}
-
-/// Trains against a server that is killed and restarted, then compares acknowledgements with the database.
+/// Trains against a server that is killed and restarted, then compares acknowledgements with the database. If the plan says so,
+/// Ctrl-C and SIGTERM end the test early, and its report is that of the time until then.
 ///
 /// # Errors
 /// Returns an error if the server rejects a valid request, if a trainer fails, or if an acknowledged result is
-/// missing or counted twice.
+/// missing or counted twice. It has the counts until then.
 pub async fn run_crash_test(db: &Path, plan: CrashPlan) -> anyhow::Result<CrashReport> {
+    let mut interruption = Interruption::install(plan.ends_on_signal)?;
     let tls = plan.tls.then(TlsFiles::create);
     let mut processes = KilledProcesses::start(db, plan, tls.as_ref())?;
-    let server = processes.server.as_ref().context("the server does not run")?;
+    let server = processes.server()?;
     let api = tls.as_ref().map_or_else(|| server.api(), |tls| tls.api(server.url()));
     create_run(&api, plan).await?;
-
-    let (log, stop) = (Arc::new(AcknowledgementLog::default()), Arc::new(AtomicBool::new(false)));
-    let mut trainers = spawn_trainers(|seed| Trainer::new(&api, &log, &stop, plan.world, seed), plan.world);
-    let (start, mut last_progress) = (Instant::now(), Instant::now());
-    let should_continue = |kills: u32| match plan.until {
-        StopCondition::Kills { kills: least, episodes } => kills < least || log.fewest_episodes() < episodes,
-        StopCondition::Time(duration) => start.elapsed() < duration,
-    };
-    while should_continue(processes.exits.kills) {
-        tokio::select! {
-            () = processes.live() => {}
-            Some(ended) = trainers.join_next() => {
-                ended??;
-                anyhow::bail!("a trainer ended before the test");
-            }
-        }
-        processes.kill_and_restart(&api).await?;
-        if plan.progress_interval_s > 0
-            && last_progress.elapsed() > Duration::from_secs(plan.progress_interval_s)
-        {
-            last_progress = Instant::now();
-            let (seconds, kills) = (start.elapsed().as_secs_f64(), processes.exits.kills);
-            print_progress(&format!("{seconds:>6.0} s, {kills} kills: {}", log.summary_line()))?;
-        }
-    }
-    stop.store(true, Ordering::SeqCst);
-    processes.workers.recover();
-    while let Some(ended) = trainers.join_next().await {
-        ended??;
-    }
-    let exits = ServerExits { remote: processes.workers.exits, ..processes.exits };
-    let report = drain_and_compare(&api, &log, exits).await?;
-    let server = processes.server.take().context("the server does not run")?;
-    ensure!(server.terminate() == Some(0), "the last server did not exit with 0 after SIGTERM");
-    Ok(report)
+    let test = CrashTest { plan, api, log: Arc::default(), start: Instant::now() };
+    let report = test.run(&mut processes, &mut interruption).await;
+    report.with_context(|| test.progress_line(processes.exits()))
 }
 
-/// Starts the trainers of a world. Each has a seed.
-fn spawn_trainers(trainer: impl Fn(u64) -> Trainer, world: CrashWorld) -> JoinSet<anyhow::Result<()>> {
+/// A crash test that runs.
+struct CrashTest {
+    plan: CrashPlan,
+    api: ApiClient,
+    log: Arc<AcknowledgementLog>,
+    start: Instant,
+}
+
+impl CrashTest {
+    /// Kills processes under trainers until the test ends, and compares.
+    async fn run(
+        &self,
+        processes: &mut KilledProcesses,
+        interruption: &mut Interruption,
+    ) -> anyhow::Result<CrashReport> {
+        let Self { plan, api, log, start } = self;
+        let stop = Arc::new(AtomicBool::new(false));
+        let mut trainers = spawn_trainers(|seed| Trainer::new(api, log, &stop, plan, seed), plan);
+        let mut last_progress = Instant::now();
+        let mut is_interrupted = false;
+        while !is_interrupted && self.continues(processes.exits().kills) {
+            tokio::select! {
+                () = processes.live() => {}
+                () = interruption.received() => is_interrupted = true,
+                Some(ended) = trainers.join_next() => {
+                    ended??;
+                    anyhow::bail!("a trainer ended before the test");
+                }
+            }
+            if is_interrupted {
+                print_progress("interrupted: the acknowledgements are compared with the database")?;
+                processes.replace_server().await;
+            } else {
+                processes.kill_and_restart(api).await?;
+            }
+            let interval = Duration::from_secs(plan.progress_interval_s);
+            if !interval.is_zero() && last_progress.elapsed() > interval {
+                last_progress = Instant::now();
+                print_progress(&self.progress_line(processes.exits()))?;
+            }
+        }
+        let elapsed = start.elapsed();
+        stop.store(true, Ordering::SeqCst);
+        processes.recover();
+        while let Some(ended) = trainers.join_next().await {
+            ended??;
+        }
+        let report = drain_and_compare(api, log, processes.exits()).await?;
+        processes.stop()?;
+        Ok(CrashReport { elapsed_s: elapsed.as_secs(), is_interrupted, ..report })
+    }
+
+    /// True if the test goes on after so many kills.
+    fn continues(&self, kills: u32) -> bool {
+        match self.plan.until {
+            StopCondition::Kills { kills: least, episodes } => {
+                kills < least || self.log.fewest_episodes() < episodes
+            }
+            StopCondition::Time(duration) => self.start.elapsed() < duration,
+        }
+    }
+
+    /// Counts until now, in one line.
+    fn progress_line(&self, exits: ServerExits) -> String {
+        let seconds = self.start.elapsed().as_secs_f64();
+        let ServerExits { kills, stops, remote } = exits;
+        let killed = format!("{} workers, {} NATS servers", remote.workers, remote.nats);
+        format!("{seconds:>6.0} s, {kills} kills, {stops} stops, {killed}: {}", self.log.summary_line())
+    }
+}
+
+/// Signals that end a test early: Ctrl-C and, on Unix, SIGTERM.
+struct Interruption {
+    #[cfg(unix)]
+    signals: Option<[tokio::signal::unix::Signal; 2]>,
+}
+
+impl Interruption {
+    /// Installs the handlers if the plan asks for them.
+    fn install(is_wanted: bool) -> std::io::Result<Self> {
+        #[cfg(unix)]
+        {
+            use tokio::signal::unix::{SignalKind, signal};
+            let signals =
+                || std::io::Result::Ok([signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?]);
+            Ok(Self { signals: is_wanted.then(signals).transpose()? })
+        }
+        #[cfg(not(unix))]
+        {
+            let _ = is_wanted;
+            Ok(Self {})
+        }
+    }
+
+    /// Waits for a signal.
+    async fn received(&mut self) {
+        #[cfg(unix)]
+        if let Some([interrupt, terminate]) = &mut self.signals {
+            tokio::select! {
+                _ = interrupt.recv() => return,
+                _ = terminate.recv() => return,
+            }
+        }
+        std::future::pending::<()>().await;
+    }
+}
+
+/// Starts the trainers of a plan. Each has a seed.
+fn spawn_trainers(trainer: impl Fn(u64) -> Trainer, plan: &CrashPlan) -> JoinSet<anyhow::Result<()>> {
     let mut trainers = JoinSet::new();
     trainers.spawn(trainer(1).report_results());
     trainers.spawn(trainer(2).report_results());
@@ -254,7 +278,10 @@ fn spawn_trainers(trainer: impl Fn(u64) -> Trainer, world: CrashWorld) -> JoinSe
     trainers.spawn(trainer(5).step_sessions());
     trainers.spawn(trainer(6).consume_trajectories());
     trainers.spawn(trainer(7).step_vectors());
-    if world == CrashWorld::Tasking {
+    if plan.workers > 0 {
+        trainers.spawn(trainer(9).request_designs());
+    }
+    if plan.world == CrashWorld::Tasking {
         trainers.spawn(trainer(8).report_probes(TASKING_TASKS.len()));
     }
     trainers
@@ -267,6 +294,10 @@ async fn create_run(api: &ApiClient, plan: CrashPlan) -> anyhow::Result<()> {
         false => json!({"episodes": "all", "claimed": "all"}),
     };
     let mut settings = json!({"strategy": "ladder", "id": RUN, "seed": plan.seed, "group_size": 2, "target": "mastery", "retention": retention});
+    if plan.workers > 0 {
+        // Workers design, too.
+        settings["design"] = json!({"designer": "procedural", "share": 0.3});
+    }
     for (name, value) in plan.world.settings().as_object().into_iter().flatten() {
         settings[name] = value.clone();
     }
@@ -329,14 +360,6 @@ async fn list_all(api: &ApiClient, resource: &str, field: &str) -> anyhow::Resul
             None => return Ok(items),
         }
     }
-}
-
-/// Draws the lifetime of server number `index`, the same for the same seed (SplitMix64: Steele, Lea and Flood 2014).
-fn draw_lifetime_ms(plan: &CrashPlan, index: u32) -> u64 {
-    let mut z = plan.seed.wrapping_add(u64::from(index).wrapping_mul(0x9e37_79b9_7f4a_7c15));
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    plan.min_lifetime_ms + (z ^ (z >> 31)) % (plan.max_lifetime_ms - plan.min_lifetime_ms + 1)
 }
 
 fn print_progress(line: &str) -> std::io::Result<()> {

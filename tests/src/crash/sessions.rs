@@ -48,6 +48,7 @@ impl Trainer {
                 }
                 if reply["done"] == true {
                     self.log.record_receipt("steps", &reply["reported"]);
+                    tokio::time::sleep(self.pause).await;
                 }
                 id += 1;
                 message = match reply["done"] == true {

@@ -6,6 +6,10 @@ use crate::ApiClient;
 use crate::nats_server::NatsServer;
 use crate::worker_cluster::{WorkerProcess, nats_options};
 
+/// Beginning of the metrics that count the jobs of workers by kind.
+const KIND_METRIC: &str = "sparring_remote_kind_jobs_total{kind=\"";
+/// Jobs of the workers: all kinds that need no configuration.
+const JOBS: &str = "prepare,audit,critique,design,rollout";
 /// NATS is killed in one of so many rounds, and is away until the next one.
 const NATS_ROUNDS: u32 = 3;
 
@@ -18,6 +22,10 @@ pub(super) struct RemoteExits {
     pub(super) nats: u32,
     /// Number of jobs whose results came from workers, as the servers said before they were killed.
     pub(super) jobs: u64,
+    /// Number of these jobs that designed layouts.
+    pub(super) designs: u64,
+    /// Number of these jobs that rolled out policies.
+    pub(super) rollouts: u64,
 }
 
 /// Workers of a crash test with the NATS server; none if the plan has no workers.
@@ -48,11 +56,21 @@ impl RandomWorkers {
         self.nats.as_ref().map_or_else(Vec::new, |nats| nats_options(&nats.url()))
     }
 
-    /// Adds the jobs that workers did for a server, before it is killed.
+    /// Adds the jobs that workers did for a server, before it is killed. A server that does not answer has done none.
     pub(super) async fn count_jobs(&mut self, api: &ApiClient) {
-        if self.nats.is_some() {
-            let list = api.get("/v1/workers").await.body;
-            self.exits.jobs += list["counters"]["done_remotely"].as_u64().unwrap_or(0);
+        if self.nats.is_none() {
+            return;
+        }
+        let Ok(metrics) = api.try_request("GET", "/metrics", "application/json", "").await else { return };
+        for line in metrics.body.as_str().unwrap_or_default().lines() {
+            let Some((kind, count)) = line.strip_prefix(KIND_METRIC).and_then(|rest| rest.split_once("\"} "))
+            else {
+                continue;
+            };
+            let count = count.parse::<u64>().unwrap_or(0);
+            self.exits.jobs += count;
+            self.exits.designs += if kind.starts_with("design") { count } else { 0 };
+            self.exits.rollouts += if kind.starts_with("rollout") { count } else { 0 };
         }
     }
 
@@ -83,5 +101,6 @@ impl RandomWorkers {
 
 /// Starts a worker, whose host has a number.
 fn worker(nats: &NatsServer, number: u32) -> WorkerProcess {
-    WorkerProcess::start(nats, &format!("host{number}"))
+    let (url, host) = (nats.url(), format!("host{number}"));
+    WorkerProcess::start_with_options(&["--nats", &url, "--host", &host, "--jobs", JOBS])
 }

@@ -38,6 +38,8 @@ fn plan(world: CrashWorld, until: StopCondition) -> CrashPlan {
         tls: false,
         faults: false,
         workers: 0,
+        trainer_pause_ms: 0,
+        ends_on_signal: false,
         progress_interval_s: 0,
     }
 }
@@ -128,11 +130,17 @@ async fn kills_of_servers_workers_and_nats_lose_nothing() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let until = StopCondition::Kills { kills: 12, episodes: 20 };
-    // Workers need a second or two to join again.
-    let plan = CrashPlan { workers: 2, max_lifetime_ms: 4000, ..plan(CrashWorld::Kessler, until) };
+    let until = StopCondition::Kills { kills: 10, episodes: 20 };
+    // Workers need a second or two to join again. Trainers that pause leave processors to other tests.
+    let plan = CrashPlan {
+        workers: 2,
+        max_lifetime_ms: 5000,
+        trainer_pause_ms: 600,
+        ..plan(CrashWorld::Kessler, until)
+    };
     let report = run(&folder.path().join("survivor.sqlite3"), plan).await;
-    assert!(report.worker_kills >= 12 && report.nats_kills >= 4 && report.remote_jobs > 20, "{report}");
+    assert!(report.worker_kills >= 10 && report.nats_kills >= 4 && report.remote_jobs > 20, "{report}");
+    assert!(report.remote_rollouts > 0 && !report.is_interrupted, "{report}");
     assert_eq!(report.by_interface.len(), 4, "{report}");
 }
 
