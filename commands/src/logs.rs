@@ -46,8 +46,7 @@ impl LogArgs {
     /// # Errors
     /// Returns an error if the filter is invalid or logging has been started before.
     pub fn start(&self, default_level: &str) -> anyhow::Result<LogGuard> {
-        let filter = EnvFilter::try_new(self.log.as_deref().unwrap_or(default_level))?;
-        let filter = filter.and(filter_fn(|line| !is_frames(line))).boxed();
+        let filter = line_filter(self.log.as_deref().unwrap_or(default_level))?;
         let lines = tracing_subscriber::fmt::layer()
             .with_writer(std::io::stderr)
             .with_ansi(std::io::stderr().is_terminal());
@@ -124,6 +123,14 @@ impl Drop for LogGuard {
     }
 }
 
+/// Creates the filter of the log lines.
+///
+/// Its most verbose level is that of `levels`: without one, every disabled line of every package would be filtered anew.
+fn line_filter(levels: &str) -> anyhow::Result<LogFilter> {
+    let without_frames = filter_fn(|line| !is_frames(line)).with_max_level_hint(LevelFilter::TRACE);
+    Ok(EnvFilter::try_new(levels)?.and(without_frames).boxed())
+}
+
 /// Returns true for whole WebSocket frames, which tungstenite logs at `trace`: they hold the keys of sessions.
 fn is_frames(line: &Metadata<'_>) -> bool {
     *line.level() == Level::TRACE && line.target().starts_with("tungstenite")
@@ -154,5 +161,13 @@ mod tests {
         assert_eq!(parse_log_filter("info,hyper=debug"), Ok("info,hyper=debug".to_owned()));
         assert!(parse_log_filter("\nconta!cct\u{202e}=swept").unwrap_err().contains("ASCII"));
         assert!(parse_log_filter("shout").unwrap_err().contains("is no level"));
+    }
+
+    #[test]
+    fn filter_has_the_most_verbose_of_its_levels() {
+        for (levels, most_verbose) in [("info", LevelFilter::INFO), ("warn,hyper=debug", LevelFilter::DEBUG)]
+        {
+            assert_eq!(line_filter(levels).unwrap().max_level_hint(), Some(most_verbose));
+        }
     }
 }
