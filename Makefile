@@ -91,11 +91,13 @@ test-trainers: check-cargo check-clippy check-python ## Test training with Stabl
 	cd python && SPARRING_BINARY="$(CURDIR)/target/debug/sparring" PYTHONPATH=. OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 \
 		../target/sb3-venv/bin/pytest -o addopts= -o filterwarnings=default -p no:cacheprovider --durations=5 tests/trainers
 
-test-heavy: check-cargo check-clippy check-python ## Test RLlib, TRL, Stable-Baselines3 and ONNX with the newest torch, verifiers, loggers and the notebook (downloads about 8 GB; run by hand)
+test-heavy: export SPARRING_LONG_TESTS := 1
+test-heavy: check-cargo check-clippy check-python ## Run the long forms of tests, and test RLlib, TRL, Stable-Baselines3 and ONNX with the newest torch, verifiers, loggers and the notebook (downloads about 8 GB; run by hand)
 	scripts/python-venv
 	scripts/heavy-venv
 	scripts/verifiers-venv
 	$(BUILD_TESTS)
+	SQLX_OFFLINE=true SPARRING_BINARY="$(CURDIR)/target/debug/sparring" cargo test --workspace --locked
 	cd python && for tests in trainers heavy; do SPARRING_BINARY="$(CURDIR)/target/debug/sparring" PYTHONPATH=. OMP_NUM_THREADS=1 \
 		../target/heavy-venv/bin/pytest -o addopts= -o filterwarnings=default -p no:cacheprovider --durations=5 tests/$$tests \
 		--ignore-glob='*/test_verifiers*.py' || exit 1; done

@@ -12,6 +12,8 @@ import sparring
 BINARY = os.environ.get("SPARRING_BINARY") or os.environ.get("SPARRING_BIN")
 #: Skips a test without a server program. `make test-python` builds the program, so it runs all tests.
 needs_server = pytest.mark.skipif(not BINARY, reason="SPARRING_BINARY is not set: build the program, or run make test-python")
+#: True for the long forms of tests, which `make test-heavy` runs.
+LONG_TESTS = "SPARRING_LONG_TESTS" in os.environ
 
 
 #: Ids of environments with each kind of actions that they have; tasks with named actions have discrete ones only.
@@ -73,6 +75,7 @@ def hold_action(space):
 __all__ = [
     "BINARY",
     "IDS_AND_ACTIONS",
+    "LONG_TESTS",
     "bitwise_equal",
     "gymnasium",
     "hold_action",

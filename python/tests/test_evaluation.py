@@ -10,9 +10,9 @@ import sparring
 pytestmark = needs_server
 
 
-def begin_evaluation(curriculum):
+def begin_evaluation(curriculum, **settings):
     """Begins an evaluation; returns its number of episodes and the curriculum that runs them."""
-    body = {"run": curriculum.run, "policy": "hold", "tasks": ["kessler/survival"]}
+    body = {"run": curriculum.run, "policy": "hold", "tasks": ["kessler/survival"], **settings}
     evaluation = curriculum.request("POST", "/v1/evaluations", body)
     total = evaluation["scenarios"] * evaluation["rollouts"]
     return total, curriculum.reopen(purpose="eval", evaluation=evaluation["id"])
@@ -93,7 +93,7 @@ def test_reset_during_an_evaluation_skips_no_scenario():
 
 def test_single_environments_run_a_whole_evaluation():
     with local_curriculum() as curriculum:
-        total, held_out = begin_evaluation(curriculum)
+        total, held_out = begin_evaluation(curriculum, rollouts=1)
         with held_out:
             single = sparring.Environment(curriculum=held_out)
             parallel = sparring.parallel_env(curriculum=held_out)

@@ -152,9 +152,7 @@ def validate():
             (pathlib.Path(package) / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(ROOT / name, pathlib.Path(package) / name)
     for arguments, passed in [
-        (["--url", URL], "Verdict: PASS"),
         (["--url", URL, "--json"], '"passed": true'),
-        ([package, "--level", "static", "--skip-build"], "Verdict: PASS"),
         ([package, "--level", "static", "--skip-build", "--json"], '"verdict": "pass"'),
     ]:
         report = subprocess.run([*openenv, *arguments], capture_output=True, text=True)

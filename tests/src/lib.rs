@@ -39,6 +39,11 @@ pub use self::raw_socket::{raw_frame, upgrade_raw};
 pub use self::tls::TlsFiles;
 pub use self::websocket::{Received, TestSocket};
 
+/// Returns true if the variable `SPARRING_LONG_TESTS` is set: `make test-heavy` runs the long forms of tests.
+pub fn is_long_test() -> bool {
+    std::env::var_os("SPARRING_LONG_TESTS").is_some()
+}
+
 /// Server in this process with its own temporary database.
 pub struct Server {
     service: Option<Service>,

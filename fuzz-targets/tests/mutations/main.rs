@@ -1,4 +1,5 @@
-//! Every target on 100 000 mutated inputs. `SPARRING_FUZZ_INPUTS` sets another number, `SPARRING_FUZZ_SEED` draws other inputs.
+//! Every target on 25 000 mutated inputs, or on 100 000 with `SPARRING_LONG_TESTS`. `SPARRING_FUZZ_INPUTS` sets another number,
+//! `SPARRING_FUZZ_SEED` draws other inputs.
 
 mod driver;
 mod tasking;
@@ -9,7 +10,9 @@ use fuzz_targets::driver::{Plan, TIMEOUT, fuzz};
 use fuzz_targets::{TARGETS, find};
 
 /// Number of inputs of each target.
-const INPUTS: u64 = 100_000;
+const INPUTS: u64 = 25_000;
+/// Number of inputs of each target in long tests.
+const LONG_INPUTS: u64 = 100_000;
 
 fn variable(name: &str) -> Option<u64> {
     let text = std::env::var(name).ok()?;
@@ -19,8 +22,10 @@ fn variable(name: &str) -> Option<u64> {
 /// Runs a target and returns a line about it. Panics at the first failing input, after it is saved.
 fn run(name: &str) -> String {
     let target = find(name).unwrap_or_else(|| panic!("there is no target {name}"));
+    let is_long = std::env::var_os("SPARRING_LONG_TESTS").is_some();
+    let inputs = if is_long { LONG_INPUTS } else { INPUTS };
     let plan = Plan {
-        inputs: variable("SPARRING_FUZZ_INPUTS").unwrap_or(INPUTS) / target.divisor,
+        inputs: variable("SPARRING_FUZZ_INPUTS").unwrap_or(inputs) / target.divisor,
         seed: variable("SPARRING_FUZZ_SEED").unwrap_or(0),
         timeout: TIMEOUT,
     };

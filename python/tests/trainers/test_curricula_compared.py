@@ -32,8 +32,10 @@ def command(*arguments):
 
 
 def run(*arguments):
-    environment = {**os.environ, "SPARRING_BIN": BINARY or ""}
-    return subprocess.run(command(*arguments), capture_output=True, text=True, timeout=600, env=environment)
+    """Runs an experiment in this process, which has imported torch already; returns its exit code."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SPARRING_BIN", BINARY or "")
+        return main([*map(str, arguments)])
 
 
 def test_invalid_option_is_reported_in_one_line(tmp_path, capsys):
@@ -106,6 +108,18 @@ def kill_after_first_training(options, first_done):
     wait_until(is_done)
     os.killpg(process.pid, signal.SIGKILL)
     process.communicate()
+    wait_until(lambda: is_unlocked(first_done.parents[1] / "runs.sqlite3"))
+
+
+def is_unlocked(database):
+    """Returns True once the killed server of a database has ended."""
+    try:
+        Server(database, BINARY).stop()
+    except sparring.CurriculumError as error:
+        if "locked by another process" not in str(error):
+            raise
+        return False
+    return True
 
 
 def debris_of_episodes(database, run_id):
@@ -129,9 +143,8 @@ def experiment_folder(tmp_path_factory):
     before = json.loads(first_done.read_text())
     assert not (out / "target-1" / "done.json").exists()
 
-    assert run(*options(out), "--budget", 9600).returncode == 2, "a changed experiment must not continue"
-    ended = run(*options(out))
-    assert ended.returncode == 0, ended.stderr
+    assert run(*options(out), "--budget", 9600) == 2, "a changed experiment must not continue"
+    assert run(*options(out)) == 0
     assert json.loads(first_done.read_text()) == before, "a complete training was run again"
     return out
 
@@ -174,7 +187,7 @@ def test_report_is_complete_and_reproducible(experiment_folder):
     names = ("skill.svg", "curves.svg", "report.md", "trainings.csv")
     written = {name: (experiment_folder / name).read_text() for name in names}
     assert all(len(text) > 100 for text in written.values())
-    assert run("--out", os.fspath(experiment_folder), "--report").returncode == 0
+    assert run("--out", experiment_folder, "--report") == 0
     rewritten = {name: (experiment_folder / name).read_text() for name in names}
     assert rewritten == written, "equal results give equal files"
 
@@ -185,5 +198,5 @@ def test_comparison_of_other_trainings_is_replaced(experiment_folder):
     comparison = json.loads(file.read_text())
     file.write_text(json.dumps({**comparison, "of": {**comparison["of"], "uniform": "eval-0"}}))
     assert results.read_comparison(experiment_folder, results.read(experiment_folder)) is None
-    assert run(*options(experiment_folder)).returncode == 0
+    assert run(*options(experiment_folder)) == 0
     assert json.loads(file.read_text()) == comparison

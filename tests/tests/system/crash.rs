@@ -14,15 +14,24 @@ use orchestrator::runs::settings::RunSettings;
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, Row};
 use system_tests::crash::{CrashPlan, CrashReport, CrashWorld, StopCondition, run_crash_test};
-use system_tests::{ServerProcess, sparring_binary, wait_until};
+use system_tests::{ServerProcess, is_long_test, sparring_binary, wait_until};
 
-/// Runs a crash test of kessler with at least `kills` kills.
+/// Runs a crash test of kessler with at least `kills` kills, or three times as many in long tests.
 ///
 /// Trainers use TLS if the disk has faults. The environment variable `SPARRING_CRASH_SEED` sets the seed; the default is 7.
 async fn crash(db: &Path, kills: u32, compacts: bool, faults: bool) -> CrashReport {
-    let episodes = if faults { 30 } else { 100 };
-    let until = StopCondition::Kills { kills, episodes };
-    run(db, CrashPlan { compacts, tls: faults, faults, ..plan(CrashWorld::Kessler, until) }).await
+    // A run that compacts keeps several hundred episodes.
+    let episodes = match (faults, compacts) {
+        (true, _) => 30,
+        (false, true) => 100,
+        (false, false) => 50,
+    };
+    let times = if is_long_test() { 3 } else { 1 };
+    let until = StopCondition::Kills { kills: times * kills, episodes };
+    let plan = plan(CrashWorld::Kessler, until);
+    // A fault makes a start slower.
+    let max_lifetime_ms = if faults { 1500 } else { plan.max_lifetime_ms };
+    run(db, CrashPlan { compacts, tls: faults, faults, max_lifetime_ms, ..plan }).await
 }
 
 /// A crash test of a world without faults, with short lives of the servers.
@@ -33,7 +42,7 @@ fn plan(world: CrashWorld, until: StopCondition) -> CrashPlan {
         until,
         seed,
         min_lifetime_ms: 50,
-        max_lifetime_ms: 1500,
+        max_lifetime_ms: if is_long_test() { 1500 } else { 1000 },
         compacts: false,
         tls: false,
         faults: false,
@@ -147,7 +156,7 @@ async fn kills_of_servers_workers_and_nats_lose_nothing() {
 #[tokio::test(flavor = "multi_thread")]
 async fn kills_under_tasking_lose_nothing() {
     let folder = tempfile::tempdir().unwrap();
-    let until = StopCondition::Kills { kills: 20, episodes: 8 };
+    let until = StopCondition::Kills { kills: 20, episodes: if is_long_test() { 8 } else { 4 } };
     let report = run(&folder.path().join("survivor.sqlite3"), plan(CrashWorld::ShortTasking, until)).await;
     assert!(report.kills >= 20 && report.vectors > 1 && report.acknowledged > 1, "{report}");
     assert_eq!(report.by_interface.len(), 4, "{report}");

@@ -1,7 +1,7 @@
 //! Every shell command that README and docs print is run as printed, or is listed with the reason why not.
 //!
 //! A page's commands run in order, in a folder of their own, beside a server on a free port. The server has a run `my-run` with
-//! results, failures and a feed, and three evaluations.
+//! results, failures and a feed; for the page about evaluations it has three of them.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -151,6 +151,9 @@ async fn run_page(page: &'static str) {
     respond.respond_with(chat_response(HOLD_ACTION)).mount(&llm).await;
     let folder = tempfile::tempdir().unwrap();
     let server = start_server(folder.path(), &llm.uri()).await;
+    if page == "docs/guides/evaluate.md" {
+        run_evaluations(&server).await;
+    }
     let mut script = "set -euo pipefail\n".to_owned();
     if page == "docs/guides/operations.md" {
         // The page assumes a first token, which an administrator created with sudo.
@@ -182,7 +185,7 @@ async fn run_page(page: &'static str) {
     assert!(out.status.success(), "{page}: {stdout}\n{stderr}");
 }
 
-/// Starts a server with a run `my-run`, whose feed is full, and with three complete evaluations.
+/// Starts a server with a run `my-run`, whose feed is full.
 async fn start_server(folder: &Path, llm: &str) -> ServerProcess {
     let policies = write_policies(folder);
     let options =
@@ -193,20 +196,28 @@ async fn start_server(folder: &Path, llm: &str) -> ServerProcess {
     let _ = api.post("/v1/runs", run).await.expect(201);
     let policy = json!({"policy": "hold", "max_unacknowledged_groups": 32});
     let _ = api.send_json("PUT", "/v1/runs/my-run/policy", policy).await.expect(200);
+    wait_until("the feed is full and failures are known", async || {
+        let policy = api.get("/v1/runs/my-run/policy").await.expect(200);
+        let failures = api.get("/v1/runs/my-run/failures?task=kessler/survival").await.expect(200);
+        policy["feed"]["full"] == true
+            && failures["failures"].as_array().is_some_and(|failures| !failures.is_empty())
+    })
+    .await;
+    server
+}
+
+/// Runs three evaluations to their end.
+async fn run_evaluations(server: &ServerProcess) {
+    let api = server.api();
     for _ in 0..3 {
         let evaluation = json!({"policy": "hold", "suite": "docking-heldout-v1"});
         let _ = api.post("/v1/evaluations", evaluation).await.expect(201);
     }
-    wait_until("the feed is full, failures are known and the evaluations are complete", async || {
-        let policy = api.get("/v1/runs/my-run/policy").await.expect(200);
-        let failures = api.get("/v1/runs/my-run/failures?task=kessler/survival").await.expect(200);
+    wait_until("the evaluations are complete", async || {
         let evaluations = api.get("/v1/evaluations").await.expect(200);
-        policy["feed"]["full"] == true
-            && failures["failures"].as_array().is_some_and(|failures| !failures.is_empty())
-            && evaluations["evaluations"].as_array().unwrap().iter().all(|row| row["state"] == "complete")
+        evaluations["evaluations"].as_array().unwrap().iter().all(|row| row["state"] == "complete")
     })
     .await;
-    server
 }
 
 /// Writes the policy files that the documentation names, and returns the folder of the server's files.

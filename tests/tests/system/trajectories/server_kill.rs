@@ -17,7 +17,7 @@ async fn kills_lose_no_pushed_group_and_count_none_twice() {
     let db = folder.path().join("killed.sqlite3");
     let mut process = ServerProcess::start(&db);
     create_run(&process.api(), "run", json!({"group_size": 4})).await;
-    let _ = put_policy(&process.api(), "run", json!({"policy": "random", "max_unacknowledged_groups": 64}))
+    let _ = put_policy(&process.api(), "run", json!({"policy": "random", "max_unacknowledged_groups": 32}))
         .await
         .expect(200);
     let (mut acknowledged, mut delivered) = (BTreeSet::new(), BTreeSet::new());
