@@ -29,8 +29,8 @@ async fn crash(db: &Path, kills: u32, compacts: bool, faults: bool) -> CrashRepo
     let times = if is_long_test() { 3 } else { 1 };
     let until = StopCondition::Kills { kills: times * kills, episodes };
     let plan = plan(CrashWorld::Kessler, until);
-    // A fault makes a start slower.
-    let max_lifetime_ms = if faults { 1500 } else { plan.max_lifetime_ms };
+    // Servers that live shorter do less between the kills, but also less of what a fault or a compaction needs.
+    let max_lifetime_ms = if faults || compacts || is_long_test() { plan.max_lifetime_ms } else { 1000 };
     run(db, CrashPlan { compacts, tls: faults, faults, max_lifetime_ms, ..plan }).await
 }
 
@@ -42,7 +42,7 @@ fn plan(world: CrashWorld, until: StopCondition) -> CrashPlan {
         until,
         seed,
         min_lifetime_ms: 50,
-        max_lifetime_ms: if is_long_test() { 1500 } else { 1000 },
+        max_lifetime_ms: 1500,
         compacts: false,
         tls: false,
         faults: false,
