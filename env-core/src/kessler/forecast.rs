@@ -110,7 +110,7 @@ impl TracksForecast {
                 arch.dispatch(Propagation::<false> { blocks, satellites, upstream, forecast: self });
             }
             Gravity::J2 => {
-                arch.dispatch(Propagation::<true> { blocks, satellites, upstream, forecast: self })
+                arch.dispatch(Propagation::<true> { blocks, satellites, upstream, forecast: self });
             }
         }
     }

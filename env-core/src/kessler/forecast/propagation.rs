@@ -195,26 +195,25 @@ impl<'a, S: Simd> Vector<'a, S> {
         }
         let [x, y, ..] = self.bodies;
         let (label, mask) = (simd.splat_u32s(step as u32), simd.splat_u32s(!NearestStep::STEP_MASK));
-        if let Some(row) = self.rows.next() {
-            if let [row_x, row_y] = S::as_mut_simd_f32s(row).0 {
-                (*row_x, *row_y) = (x, y);
-            }
+        if let Some(row) = self.rows.next()
+            && let [row_x, row_y] = S::as_mut_simd_f32s(row).0
+        {
+            (*row_x, *row_y) = (x, y);
         }
-        for s in 0..SATELLITES {
-            let dx = simd.sub_f32s(simd.splat_f32s(satellites[s].x), x);
-            let dy = simd.sub_f32s(simd.splat_f32s(satellites[s].y), y);
+        for (least, satellite) in self.least.iter_mut().zip(satellites) {
+            let dx = simd.sub_f32s(simd.splat_f32s(satellite.x), x);
+            let dy = simd.sub_f32s(simd.splat_f32s(satellite.y), y);
             let bits = simd.transmute_u32s_f32s(dot(simd, [dx, dy], [dx, dy]));
             let bits = simd.or_u32s(simd.and_u32s(bits, mask), label);
-            let is_nearer = simd.less_than_u32s(bits, self.least[s]);
-            self.least[s] = simd.select_u32s(is_nearer, bits, self.least[s]);
+            *least = simd.select_u32s(simd.less_than_u32s(bits, *least), bits, *least);
         }
     }
 
     #[inline(always)]
     fn store_nearest(&self, nearest: &mut [Vec<[u32; GROUP_LEN]>; SATELLITES], number: usize) {
         let parts = GROUP_LEN / S::F32_LANES;
-        for s in 0..SATELLITES {
-            S::as_mut_simd_u32s(&mut nearest[s][number / parts]).0[number % parts] = self.least[s];
+        for (nearest, least) in nearest.iter_mut().zip(self.least) {
+            S::as_mut_simd_u32s(&mut nearest[number / parts]).0[number % parts] = least;
         }
     }
 }

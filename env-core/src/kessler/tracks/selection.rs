@@ -67,9 +67,8 @@ impl WithSimd for Selection<'_> {
             let limit = NearestStep::limit(bound_of_rank(simd, nearest, count), forecast.margin(satellite));
             collect_up_to(limit, nearest, bodies, candidates);
             worst.clear();
-            if let [bodies @ ..] = &candidates[..]
-                && bodies.len() <= GROUP_LEN
-            {
+            if candidates.len() <= GROUP_LEN {
+                let bodies = &candidates[..];
                 let approaches = forecast.closest_approaches(simd, satellite, bodies);
                 worst.resize(bodies.len(), SelectedThreat::NONE);
                 let ranks = ranks(simd, &approaches.distance_2, bodies.len());
