@@ -97,7 +97,7 @@ class Survival:
         params = recipe["params"]
         supported = recipe["physics"] == DEFAULT_PHYSICS and not recipe["layout"] and not params["rogue_probability"]
         if recipe["task"] != "kessler/survival" or not supported:
-            raise ValueError(f"unsupported: {recipe['task']} with rogues, a layout or physics options")
+            raise ValueError(f"rogues, layouts, physics options and other tasks are not supported: {recipe}")
         self.fuel, self.step_number, self.total = [params["fuel"]] * 3, 0, 0.0
         agents, bodies, self.kicks = KeyedRng(seed, AGENTS), KeyedRng(seed, BODIES), KeyedRng(seed, FRAGMENTS)
         self.satellites = [circular_orbit(agents.between(50.0, 80.0), TAU * agents.uniform()) for _ in range(3)]

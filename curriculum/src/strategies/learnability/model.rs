@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use env_core::KeyedRng;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, DVectorView};
 use serde::{Deserialize, Serialize};
 
 use crate::core::outcome::GroupOutcome;
@@ -90,12 +90,12 @@ fn features(plan: &TaskPlan, level: Option<u32>, panel: f64) -> Vec<f64> {
 fn fit(seen: &VecDeque<(Vec<f64>, f64)>) -> Option<Vec<f64>> {
     let width = seen.front()?.0.len();
     let ages = (0..seen.len()).rev().map(|age| libm::pow(DISCOUNT, age as f64));
-    let rows: Vec<(DVector<f64>, f64, f64)> = seen
+    let rows: Vec<(DVectorView<'_, f64>, f64, f64)> = seen
         .iter()
         .zip(ages)
         .filter(|((features, _), _)| features.len() == width)
         .map(|((features, success_rate), weight)| {
-            (DVector::from_column_slice(features), *success_rate, weight)
+            (DVectorView::from_slice(features, width), *success_rate, weight)
         })
         .collect();
     let mut beta = DVector::<f64>::zeros(width);
@@ -104,8 +104,8 @@ fn fit(seen: &VecDeque<(Vec<f64>, f64)>) -> Option<Vec<f64>> {
         let mut hessian = DMatrix::<f64>::identity(width, width) * RIDGE;
         for (x, success_rate, weight) in &rows {
             let p = logistic(beta.dot(x));
-            gradient += x * (success_rate - p) * *weight;
-            hessian += x * x.transpose() * (weight * p * (1.0 - p));
+            gradient.iter_mut().zip(x).for_each(|(sum, x)| *sum += x * (success_rate - p) * *weight);
+            add_outer_product(&mut hessian, x.as_slice(), weight * p * (1.0 - p));
         }
         let step = hessian.cholesky()?.solve(&gradient);
         beta += &step;
@@ -114,6 +114,16 @@ fn fit(seen: &VecDeque<(Vec<f64>, f64)>) -> Option<Vec<f64>> {
         }
     }
     beta.iter().all(|value| value.is_finite()).then(|| beta.iter().copied().collect())
+}
+
+/// Adds `weight` · x xᵀ to the lower triangle of a matrix, the part that a Cholesky decomposition reads. A matrix for each product would
+/// take most of the time of a fit.
+fn add_outer_product(matrix: &mut DMatrix<f64>, x: &[f64], weight: f64) {
+    for (column, sums) in matrix.as_mut_slice().chunks_exact_mut(x.len()).enumerate() {
+        for (sum, value) in sums[column..].iter_mut().zip(&x[column..]) {
+            *sum += value * x[column] * weight;
+        }
+    }
 }
 
 /// Logistic function, 1/(1 + e^−x).

@@ -67,6 +67,7 @@ async fn insert_rare_rows(db: &Path) {
         "INSERT INTO principals (id, name) VALUES (1, 'member')",
         "INSERT INTO run_members VALUES ('gone', 1)",
         "INSERT INTO rollout_spend VALUES ('gone', 0, 1, 1, 0.5)",
+        "INSERT INTO task_curve_blocks VALUES ('gone', 'kessler/survival', 0, 0, x'5b5d')",
         "INSERT INTO audit_samples (lease, number, scenario, is_contested, is_slot)
          SELECT l.id, 999, g.scenario, 0, 0 FROM leases l JOIN groups g ON g.lease = l.id WHERE l.run = 'gone' LIMIT 1",
         "INSERT INTO step_verdicts (at, run, episode, scenario, task, step, model, prompt_version, error, is_cached,
