@@ -154,11 +154,11 @@ def test_strategy_without_columns_gets_groups():
 
 def test_change_of_strategy_falls_back_to_groups():
     with local_curriculum() as curriculum:
-        envs = sparring.make_vec(num_envs=128, curriculum=curriculum)
+        envs = sparring.make_vec(num_envs=256, curriculum=curriculum)
         envs.reset()
         assert curriculum.request("GET", f"/v1/runs/{curriculum.run}/leases")["leases"][0]["form"] == "columns"
         curriculum.request("PATCH", f"/v1/runs/{curriculum.run}", {"strategy": "plr"})
-        assert step_randomly(envs, 320, 0.02) > 500
+        assert step_randomly(envs, 320, 0.02) > 1000
         envs.close()
         curriculum.flush()
         stats = curriculum.stats()
