@@ -251,7 +251,7 @@ def test_training_with_a_curriculum_improves_skill(tmp_path):
         model = PPO("MlpPolicy", envs, tensorboard_log=os.fspath(tmp_path), **PPO_SETTINGS, **sparring.sb3.active_only(envs))
         held_out = {"tasks": ["kessler/survival"], "stochastic": False}
         start = sparring.evaluate(curriculum, sparring.sb3.policy_fn(model), policy="start", **held_out)
-        model.learn(170_000, callback=sparring.sb3.CurriculumCallback(curriculum))
+        model.learn(350_000, callback=sparring.sb3.CurriculumCallback(curriculum))
         envs.close()
         curriculum.flush()
         trained = sparring.evaluate(curriculum, sparring.sb3.policy_fn(model), policy="trained", **held_out)
