@@ -8,31 +8,19 @@ use system_tests::nats_server::NatsServer;
 use system_tests::worker_cluster::WorkerProcess;
 use system_tests::{ServerProcess, wait_until};
 
-/// File for the ids of the processes that [`starts_processes_and_waits`] starts.
+/// File to which a second run of the test writes the ids of the processes that it starts.
 const IDS_FILE: &str = "CHILD_PROCESSES_FILE";
 
-#[test]
-#[ignore = "the other test runs it in a process of its own, and kills it"]
-fn starts_processes_and_waits() {
-    let Some(file) = std::env::var_os(IDS_FILE) else { return };
-    let file = Path::new(&file);
-    let server = ServerProcess::start(&file.with_file_name("db.sqlite3"));
-    let mut ids = vec![server.pid()];
-    let nats = NatsServer::start();
-    let worker = nats.as_ref().map(|nats| WorkerProcess::start(nats, "host"));
-    ids.extend(worker.iter().map(WorkerProcess::pid).chain(nats.iter().filter_map(NatsServer::pid)));
-    let unfinished = file.with_extension("unfinished");
-    std::fs::write(&unfinished, serde_json::to_string(&ids).unwrap()).unwrap();
-    std::fs::rename(&unfinished, file).unwrap();
-    std::thread::sleep(Duration::from_secs(600));
-}
-
+/// The test runs itself once more, in a process that it kills.
 #[tokio::test]
 async fn a_killed_test_leaves_no_processes() {
+    if let Some(file) = std::env::var_os(IDS_FILE) {
+        return start_processes_and_wait(Path::new(&file));
+    }
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("ids.json");
     let mut test = Command::new(std::env::current_exe().unwrap())
-        .args(["--ignored", "--exact", "child_processes::starts_processes_and_waits"])
+        .args(["--exact", "child_processes::a_killed_test_leaves_no_processes"])
         .env(IDS_FILE, &file)
         .stdout(Stdio::null())
         .stderr(Stdio::null())
@@ -44,6 +32,19 @@ async fn a_killed_test_leaves_no_processes() {
     test.kill().unwrap();
     test.wait().unwrap();
     wait_until("no process is left", async || !ids.iter().any(|id| is_running(*id))).await;
+}
+
+/// Starts a server, NATS and a worker, writes their ids to the file, and waits to be killed.
+fn start_processes_and_wait(file: &Path) {
+    let server = ServerProcess::start(&file.with_file_name("db.sqlite3"));
+    let mut ids = vec![server.pid()];
+    let nats = NatsServer::start();
+    let worker = nats.as_ref().map(|nats| WorkerProcess::start(nats, "host"));
+    ids.extend(worker.iter().map(WorkerProcess::pid).chain(nats.iter().filter_map(NatsServer::pid)));
+    let unfinished = file.with_extension("unfinished");
+    std::fs::write(&unfinished, serde_json::to_string(&ids).unwrap()).unwrap();
+    std::fs::rename(&unfinished, file).unwrap();
+    std::thread::sleep(Duration::from_secs(600));
 }
 
 /// True if a process runs. One that has ended may wait for the init process.
