@@ -73,7 +73,13 @@ impl DesignOutput {
     /// # Errors
     /// Returns [`WireError::Encode`] if a value cannot be written.
     pub fn encode(&self) -> Result<Vec<u8>, WireError> {
-        write_output(self)
+        let DesignUsage { model, prompt, rounds, tokens_in, tokens_out, cost, latency } = self.usage.clone();
+        let latency_ms = u64::try_from(latency.as_millis()).unwrap_or(u64::MAX);
+        to_bytes(&WireOutput {
+            layouts: self.layouts.iter().map(WireLayout::from).collect(),
+            usage: WireUsage { model, prompt, rounds, tokens_in, tokens_out, cost, latency_ms },
+            warnings: self.warnings.clone(),
+        })
     }
 
     /// Reads the result of a job.
@@ -81,31 +87,15 @@ impl DesignOutput {
     /// # Errors
     /// Returns [`WireError`] if the bytes are no valid result.
     pub fn decode(bytes: &[u8]) -> Result<Self, WireError> {
-        read_output(bytes)
+        let WireOutput { layouts, usage, warnings } = from_bytes(bytes)?;
+        let WireUsage { model, prompt, rounds, tokens_in, tokens_out, cost, latency_ms } = usage;
+        let latency = Duration::from_millis(latency_ms);
+        Ok(Self {
+            layouts: layouts.into_iter().map(WireLayout::read).collect::<Result<_, _>>()?,
+            usage: DesignUsage { model, prompt, rounds, tokens_in, tokens_out, cost, latency },
+            warnings,
+        })
     }
-}
-
-/// Writes the result of a job.
-fn write_output(output: &DesignOutput) -> Result<Vec<u8>, WireError> {
-    let DesignUsage { model, prompt, rounds, tokens_in, tokens_out, cost, latency } = output.usage.clone();
-    let latency_ms = u64::try_from(latency.as_millis()).unwrap_or(u64::MAX);
-    to_bytes(&WireOutput {
-        layouts: output.layouts.iter().map(WireLayout::from).collect(),
-        usage: WireUsage { model, prompt, rounds, tokens_in, tokens_out, cost, latency_ms },
-        warnings: output.warnings.clone(),
-    })
-}
-
-/// Reads the result of a job.
-fn read_output(bytes: &[u8]) -> Result<DesignOutput, WireError> {
-    let WireOutput { layouts, usage, warnings } = from_bytes(bytes)?;
-    let WireUsage { model, prompt, rounds, tokens_in, tokens_out, cost, latency_ms } = usage;
-    let latency = Duration::from_millis(latency_ms);
-    Ok(DesignOutput {
-        layouts: layouts.into_iter().map(WireLayout::read).collect::<Result<_, _>>()?,
-        usage: DesignUsage { model, prompt, rounds, tokens_in, tokens_out, cost, latency },
-        warnings,
-    })
 }
 
 impl From<&ReportedLayout> for WireLayout {
