@@ -4,8 +4,8 @@ use std::io::Write;
 use std::time::Duration;
 
 use anyhow::Context;
-use job_queue::nats::NatsConfig;
 use job_queue::nats::worker::{WorkerConfig, run as run_worker};
+use job_queue::nats::{NatsConfig, NatsUrl};
 use jobs::JobKind;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use serde_json::{Value, json};
@@ -42,7 +42,7 @@ pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
 
 async fn run() -> anyhow::Result<Vec<Row>> {
     let nats = NatsServer::start().context("the package index has no NATS server")?;
-    let url = nats.url();
+    let url: NatsUrl = nats.url().parse()?;
     let cluster = WorkerCluster::start(Some(nats), 0).await;
     let (api, pid) = (cluster.api(), cluster.server().pid());
     let settings = json!({"id": "bench", "seed": 1, "group_size": 8, "strategy": "ladder", "design": {"designer": "off"},
@@ -109,11 +109,11 @@ struct Swarm {
 }
 
 impl Swarm {
-    fn start(url: &str, count: usize) -> Self {
+    fn start(url: &NatsUrl, count: usize) -> Self {
         let mut swarm = Self { workers: JoinSet::new(), stops: Vec::new() };
         for number in 0..count {
             let nats = NatsConfig {
-                url: url.to_owned(),
+                url: url.clone(),
                 credentials: None,
                 authorities: None,
                 cluster: Default::default(),

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use commands::nats_args::NatsAccountArgs;
+use commands::nats_args::{NatsAccountArgs, NatsUrl};
 use orchestrator::service::RemoteWorkersConfig;
 
 /// Arguments of workers on other machines.
@@ -12,7 +12,7 @@ pub struct RemoteWorkersArgs {
     /// Let workers on other machines (`sparring worker`) do jobs, and publish trajectory feeds, through the NATS server with JetStream
     /// at this URL, such as nats://10.0.0.5:4222; while it is away, or without workers, the server does all jobs itself
     #[arg(long, value_name = "URL", env = "SPARRING_NATS", hide_env_values = true)]
-    nats: Option<String>,
+    nats: Option<NatsUrl>,
     #[command(flatten)]
     account: NatsAccountArgs,
     /// Share of the workers' results that the server recomputes, from 0 to 1; a worker with a wrong result is expelled
@@ -37,14 +37,16 @@ fn parse_share(text: &str) -> Result<f64, String> {
 
 impl RemoteWorkersArgs {
     /// Returns the configuration; `None` if the server does all jobs itself.
-    #[must_use]
-    pub fn config(&self) -> Option<RemoteWorkersConfig> {
-        let url = self.nats.as_ref()?;
-        Some(RemoteWorkersConfig {
-            nats: self.account.config(url),
+    ///
+    /// # Errors
+    /// Returns an error if the file of an option cannot be used.
+    pub fn config(&self) -> anyhow::Result<Option<RemoteWorkersConfig>> {
+        let Some(url) = &self.nats else { return Ok(None) };
+        Ok(Some(RemoteWorkersConfig {
+            nats: self.account.config(url)?,
             verified_share: self.nats_verify,
             min_job: Duration::from_millis(self.nats_min_job.into()),
             patience: Duration::from_secs(self.nats_patience.into()),
-        })
+        }))
     }
 }

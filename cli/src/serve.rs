@@ -155,7 +155,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let bind = args.bind.address();
         let forgotten = args.temporary.then(|| tempfile::Builder::new().prefix("sparring-").tempdir()).transpose()?;
         let db = forgotten.as_ref().map_or_else(|| args.db.clone(), |folder| folder.path().join("sparring.sqlite3"));
-        let config = Config { db: db.clone(), bind, tls: args.tls.files()?, clock, designers, sessions, judges, endpoint, policy_folder: args.policy.policy_folder()?, openenv_public: args.openenv_public, client_limits: args.each.client_limits(), archived_retention: args.delete_archived_after.map(ArchivedRetention::of_days), alerts: args.alerts.settings()?, remote_workers: args.remote_workers.config(), shard: args.shards.shard.clone(), peers: args.shards.peers.clone(), process_token: None };
+        let config = Config { db: db.clone(), bind, tls: args.tls.files()?, clock, designers, sessions, judges, endpoint, policy_folder: args.policy.policy_folder()?, openenv_public: args.openenv_public, client_limits: args.each.client_limits(), archived_retention: args.delete_archived_after.map(ArchivedRetention::of_days), alerts: args.alerts.settings()?, remote_workers: args.remote_workers.config()?, shard: args.shards.shard.clone(), peers: args.shards.peers.clone(), process_token: None };
         let mut service = Service::start(config).await?;
         // A program that reads the URL may stop the server at once.
         let mut stop = StopSignal::install()?;

@@ -1,8 +1,12 @@
 //! `--nats…`: how servers and workers find each other.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use anyhow::{Context, bail};
+pub use job_queue::nats::NatsUrl;
 use job_queue::nats::{ClusterName, NatsConfig};
+use rustls::pki_types::CertificateDer;
+use rustls::pki_types::pem::PemObject;
 
 /// Arguments of a connection to NATS that must be made.
 #[derive(Debug, Clone, clap::Args)]
@@ -11,7 +15,7 @@ pub struct NatsArgs {
     /// URL of a NATS server with JetStream, such as nats://10.0.0.5:4222 or tls://nats.example.com; several with commas between
     /// them
     #[arg(long, value_name = "URL", env = "SPARRING_NATS", hide_env_values = true)]
-    nats: String,
+    nats: NatsUrl,
     #[command(flatten)]
     account: NatsAccountArgs,
 }
@@ -23,7 +27,8 @@ pub struct NatsAccountArgs {
     /// File with the credentials of a NATS account (.creds) or the seed of an nkey (SU…), if the NATS server requires one
     #[arg(long, value_name = "FILE", env = "SPARRING_NATS_CREDS", hide_env_values = true)]
     nats_creds: Option<PathBuf>,
-    /// File with the certificate authorities of the NATS server, in PEM (default: those of the system)
+    /// File with the certificate authorities of the NATS server, in PEM; the connection is then always encrypted (default: the
+    /// authorities of the system, for tls:// and servers that require TLS)
     #[arg(long, value_name = "FILE", env = "SPARRING_NATS_CA", hide_env_values = true)]
     nats_ca: Option<PathBuf>,
     /// Name under which servers and workers find each other: letters, digits, `-` and `_`
@@ -39,21 +44,40 @@ pub struct NatsAccountArgs {
 
 impl NatsArgs {
     /// Returns the configuration of the connection.
-    #[must_use]
-    pub fn config(&self) -> NatsConfig {
+    ///
+    /// # Errors
+    /// Returns an error if the file of an option cannot be used.
+    pub fn config(&self) -> anyhow::Result<NatsConfig> {
         self.account.config(&self.nats)
     }
 }
 
 impl NatsAccountArgs {
     /// Returns the configuration of a connection to a URL.
-    #[must_use]
-    pub fn config(&self, url: &str) -> NatsConfig {
-        NatsConfig {
-            url: url.to_owned(),
+    ///
+    /// # Errors
+    /// Returns an error if the file of an option cannot be used.
+    pub fn config(&self, url: &NatsUrl) -> anyhow::Result<NatsConfig> {
+        let config = NatsConfig {
+            url: url.clone(),
             credentials: self.nats_creds.clone(),
             authorities: self.nats_ca.clone(),
             cluster: self.nats_name.clone(),
+        };
+        config.check_credentials()?;
+        if let Some(file) = &self.nats_ca {
+            check_authorities(file).with_context(|| format!("--nats-ca {}", file.display()))?;
         }
+        Ok(config)
     }
+}
+
+/// Checks that a file has certificates.
+fn check_authorities(file: &Path) -> anyhow::Result<()> {
+    let text = std::fs::read(file)?;
+    let certificates = CertificateDer::pem_slice_iter(&text).collect::<Result<Vec<_>, _>>()?;
+    if certificates.is_empty() {
+        bail!("the file has no certificate in PEM (-----BEGIN CERTIFICATE-----)");
+    }
+    Ok(())
 }

@@ -18,6 +18,9 @@ use crate::llm_args::LlmArgs;
 use crate::nats_args::NatsArgs;
 use crate::policy_args::PolicyArgs;
 
+/// Largest number of characters of a machine's name.
+const MAX_HOST_CHARS: usize = 64;
+
 /// Do jobs of a server on this machine: prepare scenarios, replay results, criticise episodes, design layouts, roll out policies.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
@@ -45,7 +48,7 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     concurrency: Option<u16>,
     /// Name of this machine in the list of workers [default: its host name]
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = parse_host)]
     host: Option<String>,
     #[command(flatten)]
     nats: NatsArgs,
@@ -67,14 +70,26 @@ enum JobChoice {
 }
 
 impl FromStr for JobChoice {
-    type Err = UnknownJobKind;
+    type Err = String;
 
-    fn from_str(word: &str) -> Result<Self, UnknownJobKind> {
+    fn from_str(word: &str) -> Result<Self, String> {
         match word {
             "design" => Ok(Self::Design),
             "rollout" => Ok(Self::Rollout),
-            _ => word.parse().map(Self::Kind),
+            _ => word.parse().map(Self::Kind).map_err(|_: UnknownJobKind| {
+                let kinds = JobKind::ALL.map(JobKind::as_str).join(", ");
+                format!("the kinds are design, rollout, {kinds}")
+            }),
         }
+    }
+}
+
+/// Parses the name of a machine.
+fn parse_host(name: &str) -> Result<String, String> {
+    if (1..=MAX_HOST_CHARS).contains(&name.chars().count()) && !name.chars().any(char::is_control) {
+        Ok(name.to_owned())
+    } else {
+        Err(format!("the name must have 1 to {MAX_HOST_CHARS} characters, none of them a control character"))
     }
 }
 
@@ -127,7 +142,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let llm = args.llm.config(&clock)?.map(LlmClient::new).transpose().context("--llm")?;
     let designers = WorkerDesigners { llm };
     let config = WorkerConfig {
-        nats: args.nats.config(),
+        nats: args.nats.config()?,
         host: args.host.clone().unwrap_or_else(job_queue::host_name),
         kinds: kinds(&args.jobs, &policies, &designers)?,
         concurrency: args.concurrency.map_or_else(cores, usize::from),
@@ -135,7 +150,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         designers,
     };
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
-    runtime.block_on(async {
+    let ended = runtime.block_on(async {
         let mut signal = StopSignal::install()?;
         let (stop, stopped) = watch::channel(false);
         let waiting = tokio::spawn(async move {
@@ -146,7 +161,10 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         });
         run_worker(config, stopped).await?;
         Ok(waiting.await??.exit_code())
-    })
+    });
+    // A worker that is stopped while it starts does not wait for the version of its worlds.
+    runtime.shutdown_background();
+    ended
 }
 
 #[cfg(test)]

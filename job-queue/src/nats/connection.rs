@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use async_nats::{Client, ConnectOptions, Event};
+use async_nats::{Client, ConnectError, ConnectErrorKind, ConnectOptions, Event};
 use tokio::sync::watch;
 
 use super::names::ClusterName;
+use super::url::NatsUrl;
 
 /// Time that connecting may take.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
@@ -14,37 +15,53 @@ const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 /// How to reach NATS.
 #[derive(Debug, Clone)]
 pub struct NatsConfig {
-    /// URL of a NATS server, or several with commas between them.
-    pub url: String,
+    /// URL of a NATS server, or of several.
+    pub url: NatsUrl,
     /// File with the credentials of a NATS account, or with the seed of an nkey, if the server requires one.
     pub credentials: Option<PathBuf>,
-    /// File with the certificate authorities of the server, in PEM; those of the system if there is none.
+    /// File with the certificate authorities of the server, in PEM, which makes TLS a must; those of the system if there is none.
     pub authorities: Option<PathBuf>,
     /// Name under which servers and workers find each other.
     pub cluster: ClusterName,
 }
 
 impl NatsConfig {
-    /// Returns the URL without the user and password that it may contain.
-    pub(crate) fn shown_url(&self) -> String {
-        let redact = |one: &str| match (one.find("://"), one.rfind('@')) {
-            (Some(scheme), Some(at)) if scheme < at => format!("{}://{}", &one[..scheme], &one[at + 1..]),
-            (None, Some(at)) => one[at + 1..].to_owned(),
-            _ => one.to_owned(),
-        };
-        self.url.split(',').map(redact).collect::<Vec<_>>().join(",")
+    /// Checks the file with the credentials, so that a mistake is found before the first connection.
+    ///
+    /// # Errors
+    /// Returns [`NatsError::Rejected`] if the file cannot be read or has no credentials.
+    pub fn check_credentials(&self) -> Result<(), NatsError> {
+        let Some(file) = &self.credentials else { return Ok(()) };
+        with_credentials(ConnectOptions::new(), file).map(drop)
     }
 }
 
 /// Reason why NATS cannot be used.
 #[derive(Debug, Clone, thiserror::Error)]
-#[error("{0}")]
-pub struct NatsError(pub(crate) String);
+pub enum NatsError {
+    /// NATS refuses the credentials, or they cannot be used. Waiting does not help.
+    #[error("{0}; check the credentials (--nats-creds)")]
+    Rejected(String),
+    /// NATS cannot be reached, or a request failed.
+    #[error("{0}")]
+    Failed(String),
+}
 
 impl NatsError {
     /// Describes a failed step.
     pub(crate) fn new(step: &str, error: impl std::fmt::Display) -> Self {
-        Self(format!("{step}: {error}"))
+        Self::Failed(format!("{step}: {error}"))
+    }
+
+    /// Describes a failed attempt to connect.
+    fn connecting(config: &NatsConfig, error: &ConnectError) -> Self {
+        match error.kind() {
+            ConnectErrorKind::AuthorizationViolation | ConnectErrorKind::Authentication => {
+                Self::Rejected(format!("NATS rejects this program: {error}"))
+            }
+            _ if config.authorities.is_some() => Self::new("NATS cannot be reached by TLS", error),
+            _ => Self::new("NATS cannot be reached", error),
+        }
     }
 }
 
@@ -75,11 +92,11 @@ impl Connection {
         };
         let options = match &config.authorities {
             None => options,
-            Some(file) => options.add_root_certificates(file.clone()),
+            // Otherwise a server without TLS would read the credentials.
+            Some(file) => options.add_root_certificates(file.clone()).require_tls(true),
         };
-        let addresses: Vec<&str> = config.url.split(',').map(str::trim).collect();
-        let client = options.connect(addresses).await;
-        let client = client.map_err(|error| NatsError::new("NATS cannot be reached", error))?;
+        let client = options.connect(config.url.servers()).await;
+        let client = client.map_err(|error| NatsError::connecting(config, &error))?;
         Ok(Self { client, interrupted })
     }
 
@@ -101,7 +118,7 @@ impl Connection {
 /// Adds the credentials of a file: a token with its key, as NATS accounts have them (`.creds`), or the seed of an nkey (`SU…`).
 fn with_credentials(options: ConnectOptions, file: &Path) -> Result<ConnectOptions, NatsError> {
     let invalid =
-        |error: String| NatsError(format!("the credentials {} cannot be used: {error}", file.display()));
+        |error: String| NatsError::Rejected(format!("the file {} cannot be used: {error}", file.display()));
     let text = std::fs::read_to_string(file).map_err(|error| invalid(error.to_string()))?;
     match text.trim() {
         seed if seed.starts_with("SU") => Ok(options.nkey(seed.to_owned())),

@@ -15,7 +15,9 @@ pub mod server;
 mod streams;
 #[cfg(test)]
 mod tests;
+mod url;
 pub mod worker;
 
 pub use self::connection::{NatsConfig, NatsError};
 pub use self::names::{ClusterName, InvalidClusterName};
+pub use self::url::{InvalidNatsUrl, NatsUrl};

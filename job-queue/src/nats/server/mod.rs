@@ -123,7 +123,7 @@ impl NatsQueue {
         let config = NatsQueueConfig { server: subject_word(&config.server), ..config };
         let world = world_version();
         let shared = Arc::new(Shared {
-            link: Mutex::new(Link::Down(format!("connecting to {}", config.nats.shown_url()))),
+            link: Mutex::new(Link::Down(format!("connecting to {}", config.nats.url))),
             pending: PendingJobs::new(config.epoch),
             registry: Mutex::new(WorkerRegistry::new(config.server.clone(), world)),
             costs: CostEstimates::default(),

@@ -33,7 +33,8 @@ pub(super) async fn run(shared: Arc<Shared>, mut due: UnboundedReceiver<Acker>) 
     let mut was_degraded = false;
     loop {
         let Err(error) = serve(&shared, &mut due, &mut was_degraded).await;
-        let reason = format!("NATS at {} is away: {error}", shared.config.nats.shown_url());
+        let problem = if matches!(error, NatsError::Rejected(_)) { "cannot be used" } else { "is away" };
+        let reason = format!("NATS at {} {problem}: {error}", shared.config.nats.url);
         *shared.link.lock() = Link::Down(reason);
         shared.registry.lock().stall_all();
         shared.pending.take_all_back();
@@ -72,19 +73,19 @@ async fn serve(
     let mut heartbeats = heartbeats.map_err(|error| NatsError::new("heartbeats cannot be read", error))?;
     let objects = streams::job_objects(&context, cluster);
     *shared.link.lock() = Link::Up(Arc::new(Publisher { context, jobs, objects: objects.clone() }));
-    tracing::info!(url = shared.config.nats.shown_url(), cluster = %cluster, "Connected to NATS.");
+    tracing::info!(url = %shared.config.nats.url, cluster = %cluster, "Connected to NATS.");
     let mut ticks = tokio::time::interval(TICK);
     loop {
         tokio::select! {
-            () = connection.interrupted() => return Err(NatsError("the connection was interrupted".to_owned())),
+            () = connection.interrupted() => return Err(NatsError::Failed("the connection was interrupted".to_owned())),
             message = results.next() => match message {
                 Some(Ok(message)) => shared.take_message(message, &objects),
                 Some(Err(error)) => return Err(NatsError::new("results cannot be read", error)),
-                None => return Err(NatsError("the stream of results ended".to_owned())),
+                None => return Err(NatsError::Failed("the stream of results ended".to_owned())),
             },
             message = heartbeats.next() => match message {
                 Some(message) => shared.take_heartbeat(&client, &message).await,
-                None => return Err(NatsError("the heartbeats ended".to_owned())),
+                None => return Err(NatsError::Failed("the heartbeats ended".to_owned())),
             },
             Some(acker) = due.recv() => {
                 // A result whose acknowledgement is lost is delivered again, and ignored.

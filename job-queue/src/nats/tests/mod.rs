@@ -41,7 +41,12 @@ fn local_queue() -> LocalQueue {
 }
 
 fn config(nats: &NatsServer) -> NatsConfig {
-    NatsConfig { url: nats.url(), credentials: None, authorities: None, cluster: "test".parse().unwrap() }
+    NatsConfig {
+        url: nats.url().parse().unwrap(),
+        credentials: None,
+        authorities: None,
+        cluster: "test".parse().unwrap(),
+    }
 }
 
 /// Patience of a test in which workers lose jobs.

@@ -88,6 +88,9 @@ pub enum WorkerError {
         "the server expelled this worker: {0}; check the memory and the processor of this machine, and that it runs the same version as the server"
     )]
     Expelled(String),
+    /// NATS rejects the credentials of the first connection.
+    #[error(transparent)]
+    Nats(NatsError),
     /// The system cannot create the threads.
     #[error("the threads of the worker cannot be started: {0}")]
     Threads(#[from] ThreadPoolBuildError),
@@ -135,10 +138,14 @@ impl WorkerProcess {
 /// Runs a worker until `stop` becomes true.
 ///
 /// # Errors
-/// Returns [`WorkerError`] if a server refuses or expels the worker, or if the threads cannot be started. While NATS is away, or no
-/// server answers, the worker waits.
-pub async fn run(config: WorkerConfig, stop: watch::Receiver<bool>) -> Result<(), WorkerError> {
-    let world = tokio::task::spawn_blocking(world_version).await.unwrap_or_default();
+/// Returns [`WorkerError`] if NATS rejects the first connection, if a server refuses or expels the worker, or if the threads cannot
+/// be started. While NATS is away, or no server answers, the worker waits.
+pub async fn run(config: WorkerConfig, mut stop: watch::Receiver<bool>) -> Result<(), WorkerError> {
+    tracing::info!(nats = %config.nats.url, "The worker computes the version of its worlds, and then connects.");
+    let world = tokio::select! {
+        world = tokio::task::spawn_blocking(world_version) => world.unwrap_or_default(),
+        () = stopped(&mut stop) => return Ok(()),
+    };
     run_in_world(config, stop, world).await
 }
 
@@ -170,14 +177,18 @@ pub(super) async fn run_in_world(
         config,
     });
     tracing::info!(id = state.id, world, concurrency, "The worker started.");
-    let mut is_away = false;
+    let mut link = LinkState::New;
     loop {
-        match serve(&state, &mut stop, &mut is_away).await {
+        match serve(&state, &mut stop, &mut link).await {
             Ok(()) => return Ok(()),
             Err(SessionEnd::Rejected(error)) => return Err(error),
+            // Credentials that were valid before may become valid again.
+            Err(SessionEnd::Interrupted(error @ NatsError::Rejected(_))) if link == LinkState::New => {
+                return Err(WorkerError::Nats(error));
+            }
             Err(SessionEnd::Interrupted(error)) => {
                 // It is logged once for each interruption.
-                if !std::mem::replace(&mut is_away, true) {
+                if std::mem::replace(&mut link, LinkState::Away) != LinkState::Away {
                     tracing::warn!(error = %error, "NATS is away; the worker connects again.");
                 }
             }
@@ -187,6 +198,17 @@ pub(super) async fn run_in_world(
             () = stopped(&mut stop) => return Ok(()),
         }
     }
+}
+
+/// State of the connection to NATS.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum LinkState {
+    /// No connection was tried yet.
+    New,
+    /// The last connection was open.
+    Connected,
+    /// The last attempt failed.
+    Away,
 }
 
 /// Reason why a connection ended before the worker was stopped.
@@ -207,13 +229,13 @@ impl From<NatsError> for SessionEnd {
 async fn serve(
     state: &Arc<WorkerProcess>,
     stop: &mut watch::Receiver<bool>,
-    is_away: &mut bool,
+    link: &mut LinkState,
 ) -> Result<(), SessionEnd> {
     let mut connection = tokio::select! {
         connection = Connection::open(&state.config.nats, "sparring worker") => connection?,
         () = stopped(stop) => return Ok(()),
     };
-    *is_away = false;
+    *link = LinkState::Connected;
     let client = connection.client.clone();
     let cluster = &state.config.nats.cluster;
     let control = client.subscribe(cluster.control(&state.id)).await;
@@ -225,10 +247,10 @@ async fn serve(
     loop {
         tokio::select! {
             () = connection.interrupted() => {
-                return Err(NatsError("the connection was interrupted".to_owned()).into());
+                return Err(NatsError::Failed("the connection was interrupted".to_owned()).into());
             }
             message = control.next() => {
-                let Some(message) = message else { return Err(NatsError("the answers ended".to_owned()).into()) };
+                let Some(message) = message else { return Err(NatsError::Failed("the answers ended".to_owned()).into()) };
                 match membership::read::<ControlMessage>(&message.payload) {
                     Some(ControlMessage::Welcome { server }) => {
                         silent = 0;
@@ -257,7 +279,7 @@ async fn serve(
             Some(ended) = takers.join_next() => {
                 // The server creates the consumers; they are missing for a moment after NATS lost its data.
                 let reason = ended.map_or_else(|error| error.to_string(), |error| error.to_string());
-                return Err(NatsError(reason).into());
+                return Err(NatsError::Failed(reason).into());
             }
             () = stopped(stop) => {
                 takers.shutdown().await;

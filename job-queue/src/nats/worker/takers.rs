@@ -27,7 +27,7 @@ pub(super) fn spawn(state: &Arc<WorkerProcess>, context: &Context, takers: &mut 
         let (state, context) = (Arc::clone(state), context.clone());
         takers.spawn(async move {
             match take_jobs(&state, &context, kind).await {
-                Ok(()) => NatsError(format!("the jobs of the kind {kind} ended")),
+                Ok(()) => NatsError::Failed(format!("the jobs of the kind {kind} ended")),
                 Err(error) => error,
             }
         });

@@ -9,8 +9,10 @@ mod security;
 mod servers;
 mod stored_state;
 mod wrong_layouts;
+mod wrong_settings;
 
 use serde_json::json;
+use system_tests::is_long_test;
 use system_tests::nats_server::NatsServer;
 use system_tests::worker_cluster::WorkerCluster;
 
@@ -74,18 +76,30 @@ async fn stored_state_does_not_depend_on_workers() {
     );
     alone.assert_equal(&trained(Some(nats), 0).await, "without a worker");
     alone.assert_equal(&trained(NatsServer::start(), 1).await, "with one worker");
+    if is_long_test() {
+        alone.assert_equal(&trained(NatsServer::start(), 8).await, "with eight workers");
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn stored_state_does_not_depend_on_kills() {
     let Some(nats) = NatsServer::start() else { return };
     let alone = trained(None, 0).await;
-    let mut cluster = WorkerCluster::start(Some(nats), 8).await;
+    alone.assert_equal(&trained_with_kills(nats, 8).await, "with eight workers, killed");
+    if is_long_test() {
+        let nats = NatsServer::start().unwrap();
+        alone.assert_equal(&trained_with_kills(nats, 1).await, "with one worker, killed");
+    }
+}
+
+/// Trains a run while workers, the server and NATS are killed.
+async fn trained_with_kills(nats: NatsServer, workers: usize) -> StoredState {
+    let mut cluster = WorkerCluster::start(Some(nats), workers).await;
     create_run(&cluster).await;
     let mut done = 0;
     for number in 0..ROUNDS {
         // A worker dies while it holds jobs, and another one joins.
-        drop(cluster.workers.remove(number % 8));
+        drop(cluster.workers.remove(number % workers));
         cluster.add_worker(&format!("new{number}"));
         if number == 6 {
             let nats = cluster.nats.as_mut().unwrap();
@@ -102,5 +116,5 @@ async fn stored_state_does_not_depend_on_kills() {
     }
     done += cluster.list().await["counters"]["done_remotely"].as_u64().unwrap();
     assert!(done > 20, "workers did {done} jobs");
-    alone.assert_equal(&finish(cluster).await, "with eight workers, killed");
+    finish(cluster).await
 }

@@ -1,0 +1,105 @@
+//! URLs of NATS servers.
+
+use std::fmt;
+use std::str::FromStr;
+
+use async_nats::ServerAddr;
+
+/// URLs of the servers of a NATS cluster: one, or several with commas between them.
+#[derive(Clone, PartialEq, Eq)]
+pub struct NatsUrl(Vec<ServerAddr>);
+
+/// A text that is not the URL of a NATS server.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{reason}; a URL is such as nats://10.0.0.5:4222 or tls://nats.example.com")]
+pub struct InvalidNatsUrl {
+    reason: String,
+}
+
+/// Parses one URL. Without a scheme it is `nats://`.
+fn parse_server(text: &str) -> Result<ServerAddr, InvalidNatsUrl> {
+    let invalid = |reason: String| InvalidNatsUrl { reason };
+    if text.is_empty() {
+        return Err(invalid("a URL is missing".to_owned()));
+    }
+    let scheme = text.split_once("://").map_or("nats", |(scheme, _)| scheme);
+    if !matches!(scheme, "nats" | "tls") {
+        return Err(invalid(format!("the scheme must be nats or tls, got {scheme:?}")));
+    }
+    // The error of the client names itself before the reason.
+    let reason = |error: std::io::Error| {
+        let text = error.to_string();
+        text.rsplit(": ").next().unwrap_or_default().to_owned()
+    };
+    let server: ServerAddr = text.parse().map_err(|error| invalid(reason(error)))?;
+    if server.host().is_empty() {
+        return Err(invalid("the URL has no host".to_owned()));
+    }
+    Ok(server)
+}
+
+impl FromStr for NatsUrl {
+    type Err = InvalidNatsUrl;
+
+    fn from_str(text: &str) -> Result<Self, InvalidNatsUrl> {
+        text.split(',').map(|part| parse_server(part.trim())).collect::<Result<_, _>>().map(Self)
+    }
+}
+
+impl NatsUrl {
+    /// Returns the addresses of the servers.
+    pub(crate) fn servers(&self) -> &[ServerAddr] {
+        &self.0
+    }
+}
+
+/// Shows the URLs without users, passwords and tokens.
+impl fmt::Display for NatsUrl {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (index, server) in self.0.iter().enumerate() {
+            let comma = if index == 0 { "" } else { "," };
+            let host = server.host();
+            let host = if host.contains(':') { format!("[{host}]") } else { host.to_owned() };
+            write!(f, "{comma}{}://{host}:{}", server.scheme(), server.port())?;
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Debug for NatsUrl {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "NatsUrl({self})")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn urls_are_shown_without_users_and_passwords() {
+        let shown = |url: &str| url.parse::<NatsUrl>().unwrap().to_string();
+        assert_eq!(shown("nats://user:secret@host:4222"), "nats://host:4222");
+        assert_eq!(shown("user:secret@host,  tls://token@other:1"), "nats://host:4222,tls://other:1");
+        assert_eq!(shown("nats://[::1]:4222"), "nats://[::1]:4222");
+        let parsed: NatsUrl = "nats://user:secret@host".parse().unwrap();
+        assert!(!format!("{parsed:?}").contains("secret"));
+    }
+
+    #[test]
+    fn invalid_urls_name_the_reason() {
+        let cases = [
+            ("", "a URL is missing"),
+            ("nats://a,", "a URL is missing"),
+            ("http://host:4222", "the scheme must be nats or tls, got \"http\""),
+            ("ws://host", "the scheme must be nats or tls"),
+            ("nats://", "host"),
+            ("nats://host:99999", "port"),
+            ("nats://a b", "domain"),
+        ];
+        for (url, reason) in cases {
+            let error = url.parse::<NatsUrl>().unwrap_err().to_string();
+            assert!(error.contains(reason) && error.contains("such as nats://"), "{url}: {error}");
+        }
+    }
+}
