@@ -107,19 +107,32 @@ impl ClusterName {
         format!("SPARRING_{self}_JOBS")
     }
 
-    /// Beginning of the names of the streams of trajectory feeds.
-    pub(crate) fn feed_prefix(&self) -> String {
-        format!("SPARRING_{self}_FEED_")
+    /// Name of the stream of a run's trajectory feed, and of the bucket of its large groups. A name cannot have the dot of a run of
+    /// a shard: `east.run` becomes `FEED-east_run`, and no name of a shard has a `_`.
+    pub(crate) fn feed_stream(&self, run: &str) -> String {
+        match run.split_once('.') {
+            Some((shard, name)) => format!("SPARRING_{self}_FEED-{shard}_{name}"),
+            None => format!("SPARRING_{self}_FEED_{run}"),
+        }
     }
 
-    /// Name of the stream of a run's trajectory feed, and of the bucket of its large groups.
-    pub(crate) fn feed_stream(&self, run: &str) -> String {
-        format!("{}{run}", self.feed_prefix())
+    /// Returns the run of a stream; `None` if the stream is no feed.
+    pub(crate) fn run_of_feed_stream(&self, stream: &str) -> Option<String> {
+        let rest = stream.strip_prefix(&format!("SPARRING_{self}_FEED"))?;
+        match rest.strip_prefix('-') {
+            Some(run) => run.split_once('_').map(|(shard, name)| format!("{shard}.{name}")),
+            None => rest.strip_prefix('_').map(str::to_owned),
+        }
     }
 
     /// Subject of the groups of a run's trajectory feed.
     pub(crate) fn feed(&self, run: &str) -> String {
         format!("sparring.{self}.feed.{run}")
+    }
+
+    /// Subject on which a server answers that it runs.
+    pub(crate) fn server_presence(&self, server: &str) -> String {
+        format!("sparring.{self}.servers.{server}")
     }
 
     /// Name of the key-value bucket with the states of runs.
@@ -141,6 +154,28 @@ pub(crate) fn last_word(subject: &str) -> &str {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn streams_of_feeds_name_their_runs() {
+        let name: ClusterName = "team".parse().unwrap();
+        for (run, stream) in [
+            ("run", "SPARRING_team_FEED_run"),
+            ("my_run-2", "SPARRING_team_FEED_my_run-2"),
+            ("east.my_run", "SPARRING_team_FEED-east_my_run"),
+            ("east._", "SPARRING_team_FEED-east__"),
+        ] {
+            assert_eq!(name.feed_stream(run), stream);
+            assert_eq!(name.run_of_feed_stream(stream).as_deref(), Some(run));
+        }
+        for other in [
+            "SPARRING_team_JOBS",
+            "SPARRING_other_FEED_run",
+            "SPARRING_team_FEED",
+            "OBJ_SPARRING_team_FEED_run",
+        ] {
+            assert_eq!(name.run_of_feed_stream(other), None, "{other}");
+        }
+    }
 
     #[test]
     fn names_fit_into_subjects() {

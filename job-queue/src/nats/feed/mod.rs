@@ -4,14 +4,16 @@
 //! group once, reads which groups all trainers have acknowledged, and removes groups. [`RunStateBucket`] has the states. Nothing here
 //! reads the database; `workers/feed_stream` of the service does, and compares both sides again after each interruption.
 
+mod presence;
 mod run_states;
 mod stream;
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 use async_nats::jetstream::{self, Context};
 use futures_util::TryStreamExt;
 
+use self::presence::{ServerPresence, is_connected};
 pub(crate) use self::run_states::follow_run_states;
 pub use self::run_states::{PublishedRunState, RunStateBucket};
 pub use self::stream::{FeedMessage, FeedStream};
@@ -38,6 +40,14 @@ pub enum FeedError {
         /// Name of the stream.
         stream: String,
         /// Name of the server that publishes it.
+        owner: String,
+    },
+    /// Another server that is connected publishes this very run: its database is a copy of this server's, or the other way round.
+    #[error(
+        "the server {owner} publishes the run from a copy of this database; stop one of the two servers, or switch the run to `\"delivery\": \"http\"` on this one"
+    )]
+    Copy {
+        /// Name of the server that publishes the run.
         owner: String,
     },
     /// The stream has other messages than this server published.
@@ -75,6 +85,7 @@ pub struct FeedConnection {
     context: Context,
     cluster: ClusterName,
     server: String,
+    _presence: ServerPresence,
 }
 
 impl std::fmt::Debug for FeedConnection {
@@ -91,7 +102,9 @@ impl FeedConnection {
     pub async fn open(config: &NatsConfig, server: &str) -> Result<Self, NatsError> {
         let connection = Connection::open(config, "sparring serve: feeds").await?;
         let context = jetstream::new(connection.client.clone());
-        Ok(Self { connection, context, cluster: config.cluster.clone(), server: subject_word(server) })
+        let (cluster, server) = (config.cluster.clone(), subject_word(server));
+        let _presence = ServerPresence::announce(&connection.client, &cluster, &server).await?;
+        Ok(Self { connection, context, cluster, server, _presence })
     }
 
     /// Returns a future that ends when the connection is interrupted.
@@ -104,7 +117,20 @@ impl FeedConnection {
     /// # Errors
     /// Returns [`NatsError`] if JetStream fails.
     pub async fn run_states(&self) -> Result<RunStateBucket, NatsError> {
-        RunStateBucket::open(&self.context, &self.cluster, self.server.clone()).await
+        let mut states = RunStateBucket::open(&self.context, &self.cluster, self.server.clone()).await?;
+        let mut connected = BTreeSet::new();
+        for other in states.other_servers() {
+            if self.is_connected(&other).await? {
+                connected.insert(other);
+            }
+        }
+        states.set_connected(connected);
+        Ok(states)
+    }
+
+    /// Returns true if a server is connected to NATS.
+    async fn is_connected(&self, server: &str) -> Result<bool, NatsError> {
+        is_connected(&self.connection.client, &self.cluster, server).await
     }
 
     /// Returns the runs of this server that have a stream.
@@ -112,13 +138,12 @@ impl FeedConnection {
     /// # Errors
     /// Returns [`NatsError`] if JetStream fails.
     pub async fn published_runs(&self) -> Result<Vec<String>, NatsError> {
-        let prefix = self.cluster.feed_prefix();
         let (mut streams, mut runs) = (self.context.streams(), Vec::new());
         while let Some(info) =
             streams.try_next().await.map_err(|error| NatsError::new("streams cannot be listed", error))?
         {
             let is_own = info.config.metadata.get(SERVER_KEY) == Some(&self.server);
-            runs.extend(info.config.name.strip_prefix(&prefix).filter(|_| is_own).map(str::to_owned));
+            runs.extend(self.cluster.run_of_feed_stream(&info.config.name).filter(|_| is_own));
         }
         Ok(runs)
     }
@@ -126,7 +151,8 @@ impl FeedConnection {
     /// Opens the stream of a run with these settings, and reads which groups it has.
     ///
     /// # Errors
-    /// Returns [`FeedError::OtherServer`] if the stream belongs to another server.
+    /// Returns [`FeedError::OtherServer`] if the stream belongs to another run, and [`FeedError::Copy`] if a server that is connected
+    /// publishes this very run.
     pub async fn open_feed(&self, settings: &FeedSettings) -> Result<FeedStream, FeedError> {
         let name = self.cluster.feed_stream(&settings.run);
         let created = settings.created_at.to_string();
@@ -137,6 +163,7 @@ impl FeedConnection {
                 (false, false) => return Err(FeedError::OtherServer { stream: name, owner }),
                 // A run with this id was deleted while NATS was away.
                 (true, false) => self.delete_feed(&settings.run).await?,
+                (false, true) if self.is_connected(&owner).await? => return Err(FeedError::Copy { owner }),
                 // The database may have moved to another host.
                 (_, true) => {}
             }

@@ -38,6 +38,8 @@ pub struct PublishedRunState {
 pub struct RunStateBucket {
     store: Store,
     server: String,
+    /// Other servers that are connected: they write the states of their runs themselves.
+    connected: BTreeSet<String>,
     /// States in the bucket, by run.
     known: BTreeMap<String, PublishedRunState>,
 }
@@ -65,7 +67,18 @@ impl RunStateBucket {
         let store = store.map_err(|error| NatsError::new("the states of runs cannot be opened", error))?;
         let read = tokio::time::timeout(READ_TIMEOUT, read_states(&store)).await;
         let known = read.map_err(|error| NatsError::new("the states of runs cannot be read", error))??;
-        Ok(Self { store, server, known })
+        Ok(Self { store, server, connected: BTreeSet::new(), known })
+    }
+
+    /// Returns the other servers whose runs have a state.
+    pub(super) fn other_servers(&self) -> BTreeSet<String> {
+        let others = self.known.values().map(|known| &known.server).filter(|server| **server != self.server);
+        others.cloned().collect()
+    }
+
+    /// Sets which other servers are connected.
+    pub(super) fn set_connected(&mut self, servers: BTreeSet<String>) {
+        self.connected = servers;
     }
 
     /// Writes the states that differ from those in the bucket, and deletes those of runs that this server no longer has.
@@ -91,9 +104,11 @@ impl RunStateBucket {
         for (run, state) in states {
             let state = PublishedRunState { server: self.server.clone(), ..state };
             let known = self.known.get(&run);
-            // Another server has a run of the same id: the first one keeps the key.
-            let is_foreign = known
-                .is_some_and(|known| known.server != self.server && known.created_at != state.created_at);
+            // Another server has a run of the same id, or a copy of the database: the first one keeps the key.
+            let is_foreign = known.is_some_and(|known| {
+                known.server != self.server
+                    && (known.created_at != state.created_at || self.connected.contains(&known.server))
+            });
             if is_foreign || known == Some(&state) {
                 continue;
             }
@@ -143,7 +158,7 @@ pub(crate) async fn follow_run_states(
             note(run, state_of(&entry));
         }
     }
-    Err(NatsError("the states of runs ended".to_owned()))
+    Err(NatsError::Failed("the states of runs ended".to_owned()))
 }
 
 /// Returns the run of an entry; `None` if its key is no run's.

@@ -34,6 +34,8 @@ const FAILURE: &str = "feeds could not be published";
 struct FailedFeed {
     reason: String,
     retry_at: Instant,
+    /// True once the policy of the run shows the reason.
+    is_shown: bool,
 }
 
 /// Publishes over one connection.
@@ -210,10 +212,12 @@ impl<'a> FeedSession<'a> {
         left
     }
 
-    /// Notes that a feed failed: in the log, and for an error of its settings in the policy of the run.
+    /// Notes that a feed failed: in the log, and in the policy of the run. Another server keeps its feed, which is shown at once; other
+    /// errors are shown when they come again, since most of them pass.
     async fn note_failure(&mut self, run: String, error: &FeedError) -> Result<(), FeedSessionEnd> {
         let reason = error.to_string();
-        let is_known = self.failed.get(&run).is_some_and(|failed| failed.reason == reason);
+        let known = self.failed.get(&run).filter(|failed| failed.reason == reason);
+        let (is_known, was_shown) = (known.is_some(), known.is_some_and(|failed| failed.is_shown));
         if !is_known && !matches!(error, FeedError::OutOfStep) {
             tracing::warn!(
                 run,
@@ -221,7 +225,8 @@ impl<'a> FeedSession<'a> {
                 "The feed of a run could not be published; the server tries again."
             );
         }
-        if !is_known && matches!(error, FeedError::OtherServer { .. }) {
+        let is_shown = is_known || matches!(error, FeedError::OtherServer { .. } | FeedError::Copy { .. });
+        if is_shown && !was_shown {
             let change = SetPolicyError { run: run.clone(), error: reason.clone() };
             if let Err(error) = self.worker.writer.change(change).await
                 && ends_worker(&error, FAILURE)
@@ -229,7 +234,7 @@ impl<'a> FeedSession<'a> {
                 return Err(FeedSessionEnd::Stopping);
             }
         }
-        self.failed.insert(run, FailedFeed { reason, retry_at: Instant::now() + RETRY_PAUSE });
+        self.failed.insert(run, FailedFeed { reason, retry_at: Instant::now() + RETRY_PAUSE, is_shown });
         Ok(())
     }
 }

@@ -4,6 +4,7 @@ mod content;
 mod crashes;
 mod example;
 mod objects;
+mod owners;
 mod permissions;
 mod run_states;
 mod sharing;
