@@ -54,7 +54,7 @@ def describe(kind, data):
         case "group":
             name = f"{data['task']}: group {data['group']} of {data['lease']}"
             return f"{name} is {data['state']}, {data['successes']} of {data['finished']} succeeded"
-        case "warning" | "gap":
+        case "worker" | "warning" | "gap":
             return data["message"]
         case _:
             return json.dumps({key: value for key, value in data.items() if key != "at"})

@@ -38,6 +38,8 @@ pub enum EventKind {
     Failures,
     /// A design request of the run.
     Design,
+    /// A worker on another machine that joined or left.
+    Worker,
     /// A new warning of the run.
     Warning,
 }

@@ -28,7 +28,7 @@ pub struct Args {
     last: u32,
     /// Kinds of events to print, separated by commas [default: all]
     #[arg(long = "kind", value_name = "KIND", value_delimiter = ',',
-          value_parser = ["run", "lease", "group", "move", "claim", "failures", "design", "warning"])]
+          value_parser = ["run", "lease", "group", "move", "claim", "failures", "design", "worker", "warning"])]
     kinds: Vec<String>,
     /// Exit after the past events
     #[arg(long)]
@@ -164,7 +164,7 @@ fn describe(kind: &str, data: &Value) -> String {
             number("refused"),
             reason("error")
         ),
-        "warning" | "gap" => text("message"),
+        "worker" | "warning" | "gap" => text("message"),
         _ => fields(data),
     }
 }

@@ -40,7 +40,7 @@ convert_enum!(design_requests::RequestOrigin => api::DesignRequestOrigin { Worke
 convert_enum!(design_requests::RequestState => api::DesignRequestState { Waiting, Running, Done, Failed });
 convert_enum!(episodes::EpisodeState => api::EpisodeState { Finished, Failed, Late });
 convert_enum!(evaluations::EvaluationState => api::EvaluationState { Open, Running, Complete, Failed });
-convert_enum!(events::EventKind => api::EventKind { Run, Lease, Group, Move, Claim, Failures, Design, Warning });
+convert_enum!(events::EventKind => api::EventKind { Run, Lease, Group, Move, Claim, Failures, Design, Worker, Warning });
 convert_enum!(groups::GroupState => api::GroupState { Open, Complete, Partial, Lost });
 convert_enum!(groups::GroupRole => api::GroupRole {
     Placement, Frontier, Rehearsal, Sample, Explore, Replay, Edit, Boundary, Rung, Coverage, Designed, Suite,

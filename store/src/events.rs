@@ -25,6 +25,8 @@ text_enum! {
         Failures = "failures",
         /// About a design request.
         Design = "design",
+        /// About workers on other machines that come and go.
+        Worker = "worker",
         /// About a new warning.
         Warning = "warning",
     }

@@ -19,6 +19,7 @@ const KINDS: Record<string, string> = {
   claim: "columns reported",
   failures: "failure analysis finished",
   design: "layouts designed",
+  worker: "worker joined or left",
   warning: "warning",
   gap: "events missing",
 };
@@ -51,6 +52,7 @@ export function eventText({ kind, data }: RunEvent): string {
       return `${task}: failure analysis of ${countOf(Number(data["criticised"]), "episode")} finished`;
     case "design":
       return `${task}: ${text(data["designer"])} designed; ${text(data["admitted"])} admitted, ${text(data["refused"])} refused ${text(data["error"])}`;
+    case "worker":
     case "warning":
     case "gap":
       return `${task ? `${task}: ` : ""}${text(data["message"])}`;

@@ -6,6 +6,7 @@ export const EVENT_FILTERS = [
   { id: "failures", kinds: "design,failures", name: "failures and designs" },
   { id: "results", kinds: "group,claim", name: "results" },
   { id: "leases", kinds: "lease", name: "leases" },
+  { id: "workers", kinds: "worker", name: "workers" },
   { id: "status", kinds: "run", name: "status and settings" },
 ] as const;
 

@@ -109,6 +109,11 @@ pub enum RunEvent<'a> {
         #[serde(skip_serializing_if = "Option::is_none")]
         error: Option<&'a str>,
     },
+    /// A worker on another machine joined or left, or workers do jobs again.
+    Worker {
+        /// Text of the event, one sentence.
+        message: &'a str,
+    },
     /// A warning for the operator of the run.
     Warning {
         /// Id of the task that the warning concerns.
@@ -131,6 +136,7 @@ impl<'a> RunEvent<'a> {
             Self::Claim { .. } => EventKind::Claim,
             Self::Failures { .. } => EventKind::Failures,
             Self::Design { .. } => EventKind::Design,
+            Self::Worker { .. } => EventKind::Worker,
             Self::Warning { .. } => EventKind::Warning,
         }
     }

@@ -27,8 +27,9 @@ const RETIREMENT_PAUSE: Duration = Duration::from_secs(2);
 pub(super) async fn run(readers: SqlitePool, writer: Writer, mut notices: UnboundedReceiver<QueueNotice>) {
     while let Some(notice) = notices.recv().await {
         let message = describe(&notice);
-        log(&notice, &message);
-        let announced = announce(&readers, &writer, message).await;
+        let severity = Severity::of(&notice);
+        severity.log(&message);
+        let announced = announce(&readers, &writer, WorkerMessage { severity, message }).await;
         let handled = match notice {
             QueueNotice::Recomputed(Recomputation { wrong, wrong_layouts, .. }) => {
                 tokio::spawn(retire_layouts(writer.clone(), wrong_layouts));
@@ -44,18 +45,40 @@ pub(super) async fn run(readers: SqlitePool, writer: Writer, mut notices: Unboun
     }
 }
 
-fn log(notice: &QueueNotice, message: &str) {
-    let is_wrong = matches!(
-        notice, QueueNotice::Recomputed(Recomputation { wrong, wrong_layouts, .. })
-        if !wrong.is_empty() || !wrong_layouts.is_empty()
-    );
-    if is_wrong || matches!(notice, QueueNotice::Expelled(..)) {
-        tracing::error!("{message}");
-    } else if matches!(notice, QueueNotice::Stalled(_) | QueueNotice::Refused(..) | QueueNotice::Degraded(_))
-    {
-        tracing::warn!("{message}");
-    } else {
-        tracing::info!("{message}");
+/// How serious a notice is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Severity {
+    /// Operators need not do anything.
+    Info,
+    /// Operators should look at it.
+    Warning,
+    /// Stored values were or may be wrong.
+    Error,
+}
+
+impl Severity {
+    fn of(notice: &QueueNotice) -> Self {
+        match notice {
+            QueueNotice::Recomputed(Recomputation { wrong, wrong_layouts, .. })
+                if !wrong.is_empty() || !wrong_layouts.is_empty() =>
+            {
+                Self::Error
+            }
+            QueueNotice::Expelled(..) => Self::Error,
+            QueueNotice::Stalled(_) | QueueNotice::Refused(..) | QueueNotice::Degraded(_) => Self::Warning,
+            QueueNotice::Joined(_)
+            | QueueNotice::Left(_)
+            | QueueNotice::Recomputed(_)
+            | QueueNotice::Restored => Self::Info,
+        }
+    }
+
+    fn log(self, message: &str) {
+        match self {
+            Self::Error => tracing::error!("{message}"),
+            Self::Warning => tracing::warn!("{message}"),
+            Self::Info => tracing::info!("{message}"),
+        }
     }
 }
 
@@ -121,7 +144,7 @@ fn server_replay(WrongResult { job, computed }: WrongResult) -> Option<ServerRep
 }
 
 /// Stores a message as a warning of every active run.
-async fn announce(readers: &SqlitePool, writer: &Writer, message: String) -> Result<(), ServiceError> {
+async fn announce(readers: &SqlitePool, writer: &Writer, message: WorkerMessage) -> Result<(), ServiceError> {
     let names = runs::names(&mut *readers.acquire().await?).await?;
     let runs: Vec<String> = names.into_iter().filter(|run| !run.is_archived).map(|run| run.id).collect();
     if runs.is_empty() {
@@ -130,10 +153,16 @@ async fn announce(readers: &SqlitePool, writer: &Writer, message: String) -> Res
     writer.change(AnnounceWorker { runs, message }).await
 }
 
-/// Stores a warning in runs.
+/// Text about workers for operators.
+struct WorkerMessage {
+    severity: Severity,
+    message: String,
+}
+
+/// Stores an event about workers in runs.
 struct AnnounceWorker {
     runs: Vec<String>,
-    message: String,
+    message: WorkerMessage,
 }
 
 impl Change for AnnounceWorker {
@@ -141,10 +170,15 @@ impl Change for AnnounceWorker {
     const IS_BULK: bool = true;
 
     async fn apply(self, tx: &mut WriteTx) -> Result<(), ServiceError> {
+        let WorkerMessage { severity, message } = &self.message;
+        let event = match severity {
+            Severity::Info => RunEvent::Worker { message },
+            Severity::Warning | Severity::Error => RunEvent::Warning { task: None, message },
+        };
         for run in &self.runs {
             // It may have been deleted meanwhile.
             if runs::exists(&mut tx.conn, run).await? {
-                tx.emit(run, &RunEvent::Warning { task: None, message: &self.message })?;
+                tx.emit(run, &event)?;
             }
         }
         Ok(())

@@ -610,7 +610,7 @@ class EvaluationSummary(TypedDict):
     """Seed of the training that the evaluation is about."""
 
 
-EventKind: TypeAlias = Literal["run", "lease", "group", "move", "claim", "failures", "design", "warning"]
+EventKind: TypeAlias = Literal["run", "lease", "group", "move", "claim", "failures", "design", "worker", "warning"]
 """Subject of an event."""
 
 

@@ -166,6 +166,7 @@ async fn search_finds_all_words_in_id_name_note_and_tags() {
     ] {
         assert_eq!(listed(&api, &format!("search={search}")).await, found, "{search}");
     }
+    assert_eq!(api.get("/v1/runs?search=%00").await.expect(422)["field"], "search");
     assert_eq!(listed(&api, "strategy=uniform").await, ["beta"]);
     assert_eq!(listed(&api, "tag=").await, ["gamma_1"]);
     assert_eq!(listed(&api, "tasks=kessler/survival&search=a").await.len(), 3);

@@ -40,9 +40,10 @@ const MAX_PAST_EVENTS: u32 = 1000;
 ///
 /// Kinds of events: `run` (created, changed, tagged, paused, resumed, archived, deleted), `lease` (created, renewed, done, released,
 /// expired), `group` (closed), `move` (level move with its evidence), `claim` (of columns), `failures` (new critiques), `design` (end
-/// of a design request) and `warning` (for operators). Every event has an id. A client that reconnects sends the last id as
-/// `Last-Event-ID`. It misses no event if at most 10 000 other events happened since; otherwise the first event is `gap`. A stream
-/// without an id starts with an id without data, from which the client can resume. The stream ends when the run is deleted.
+/// of a design request), `worker` (a worker joined or left) and `warning` (for operators). Every event has an id. A client that
+/// reconnects sends the last id as `Last-Event-ID`. It misses no event if at most 10 000 other events happened since; otherwise the
+/// first event is `gap`. A stream without an id starts with an id without data, from which the client can resume. The stream ends
+/// when the run is deleted.
 #[utoipa::path(
     get, path = "/runs/{run}/events", tag = "runs",
     params(("run" = String, Path, description = "The run's id."), EventQuery,

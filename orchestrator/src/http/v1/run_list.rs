@@ -72,6 +72,9 @@ fn parse_search(search: &str) -> Result<Vec<String>, Problem> {
         let limits = format!("must have at most {MAX_SEARCH_CHARS} characters and {MAX_SEARCH_WORDS} words");
         return Err(Problem::invalid("search", limits));
     }
+    if search.chars().any(char::is_control) {
+        return Err(Problem::invalid("search", "must have no control characters"));
+    }
     Ok(words)
 }
 

@@ -59,10 +59,13 @@ async fn operators_see_workers_join_and_leave() {
     })
     .await;
     let db = cluster.db();
-    wait_until("the run has the warnings", async || {
-        let messages = stored_state::warnings(&db).await;
-        let has = |part: &str| messages.iter().any(|message| message.contains(part));
-        has("joined") && has("sends no heartbeats") && has("Workers do jobs again")
+    wait_until("the run has the events", async || {
+        let workers = stored_state::event_messages(&db, "worker").await;
+        let warnings = stored_state::event_messages(&db, "warning").await;
+        let has = |messages: &[String], part: &str| messages.iter().any(|message| message.contains(part));
+        has(&workers, "joined")
+            && has(&workers, "Workers do jobs again")
+            && has(&warnings, "sends no heartbeats")
     })
     .await;
 }

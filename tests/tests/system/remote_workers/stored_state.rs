@@ -108,8 +108,8 @@ fn text(row: &SqliteRow, columns: usize) -> String {
     (0..columns).map(value).collect::<Vec<_>>().join("|")
 }
 
-/// Messages of the warnings of all runs.
-pub(super) async fn warnings(db: &Path) -> Vec<String> {
-    let sql = "SELECT body FROM run_events WHERE kind = 'warning'";
-    sqlx::query_scalar(sql).fetch_all(&mut connect(db).await).await.unwrap()
+/// Messages of the events of a kind of all runs.
+pub(super) async fn event_messages(db: &Path, kind: &str) -> Vec<String> {
+    let sql = "SELECT body FROM run_events WHERE kind = ?";
+    sqlx::query_scalar(sql).bind(kind).fetch_all(&mut connect(db).await).await.unwrap()
 }
