@@ -71,14 +71,13 @@ async fn run(minutes: u32) -> anyhow::Result<Vec<Row>> {
     let busy = times.busy;
     let growth = memory[memory.len() - 1] / memory[1];
     let minutes_mib: Vec<String> = memory.iter().map(|mib| format!("{mib:.0}")).collect();
-    let row = |label: String, measured: String| Row { label, measured, goal: String::new(), ratio: None };
     Ok(vec![
-        row(
+        Row::plain(
             format!("{TRAINERS} trainers for {minutes} minutes, leases of {GROUPS} groups of {GROUP_SIZE}"),
             format!("{counted:.0} episodes/s; {busy} retries"),
         ),
-        row("lease".into(), format_quantiles(&mut times.leases)),
-        row("results of a lease, replayed and committed".into(), format_quantiles(&mut times.results)),
+        Row::plain("lease", format_quantiles(&mut times.leases)),
+        Row::plain("results of a lease, replayed and committed", format_quantiles(&mut times.results)),
         Row {
             label: format!("memory of the server, MiB a minute: {}", minutes_mib.join(" ")),
             measured: format!("{growth:.2} of minute 2"),

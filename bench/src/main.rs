@@ -14,6 +14,7 @@ mod designer;
 mod engine;
 mod feed;
 mod growth;
+mod job_cost;
 mod levels;
 mod load;
 mod report_episodes;
@@ -114,6 +115,13 @@ pub(crate) struct Row {
     pub(crate) measured: String,
     pub(crate) goal: String,
     pub(crate) ratio: Option<f64>,
+}
+
+impl Row {
+    /// Creates a row without a goal.
+    pub(crate) fn plain(label: impl Into<String>, measured: String) -> Self {
+        Self { label: label.into(), measured, goal: String::new(), ratio: None }
+    }
 }
 
 /// Does the work of a process that another benchmark started; `None` if this is no such process.

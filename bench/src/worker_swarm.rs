@@ -66,20 +66,19 @@ async fn run() -> anyhow::Result<Vec<Row>> {
     let count =
         |after: &Value, name: &str| after[name].as_u64().unwrap_or(0) - counters[name].as_u64().unwrap_or(0);
     let after = self::counters(&api).await;
-    let plain = |label: String, measured: String| Row { label, measured, goal: String::new(), ratio: None };
     Ok(vec![
-        plain(
+        Row::plain(
             format!("memory of the server with {IDLE} idle workers, and before"),
             format!("{with_idle:.0}, {before:.0} MiB"),
         ),
-        plain(format!("cores of the server that {IDLE} idle workers take"), format!("{cores:.3}")),
+        Row::plain(format!("cores of the server that {IDLE} idle workers take"), format!("{cores:.3}")),
         Row {
             label: format!("p99 of leases beside results: {BUSY} busy workers, none"),
             measured: format!("{:.1}, {:.1} ms", busy.p99_ms, alone.p99_ms),
             goal: format!("ratio ≤ {GOAL_LATENCY}"),
             ratio: Some(GOAL_LATENCY * alone.p99_ms / busy.p99_ms),
         },
-        plain(
+        Row::plain(
             format!("jobs of {BUSY} busy workers: done, taken back, results ignored"),
             ["done_remotely", "taken_back", "ignored_results"]
                 .map(|name| count(&after, name).to_string())

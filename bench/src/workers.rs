@@ -8,8 +8,8 @@ use serde_json::json;
 use system_tests::nats_server::NatsServer;
 use system_tests::worker_cluster::WorkerCluster;
 
-use crate::Row;
 use crate::sockets::process::cpu_s;
+use crate::{Row, job_cost};
 
 /// Groups of a measurement.
 const GROUPS: usize = 12;
@@ -59,22 +59,19 @@ pub(crate) fn measure() -> anyhow::Result<Vec<Row>> {
                 ratio: goal.map(|goal| goal / ratio),
             });
             let cost = format!("{:.0} bytes, {:.2} ms of the worker", helped.bytes_per_job, helped.worker_ms);
-            rows.push(plain_row(format!("{} jobs of {task}: a job, a result", helped.remote_jobs), cost));
+            rows.push(Row::plain(format!("{} jobs of {task}: a job, a result", helped.remote_jobs), cost));
             rows.extend(many_workers(task, &alone, &helped));
         }
+        rows.extend(job_cost::measure("kessler/formation", "hold").await?);
         Ok(rows)
     })
-}
-
-fn plain_row(label: String, measured: String) -> Row {
-    Row { label, measured, goal: String::new(), ratio: None }
 }
 
 /// Calculates results a second for many workers. The smallest of three limits counts: the writer, the cores of the server for what it
 /// does itself, and the cores of the workers. Network and NATS are assumed not to be limits.
 fn many_workers(task: &str, alone: &ResultCost, helped: &ResultCost) -> Vec<Row> {
     let on_server = |cost: &ResultCost| WRITER_LIMIT.min(1e3 * CORES / cost.server_ms);
-    let mut rows = vec![plain_row(
+    let mut rows = vec![Row::plain(
         format!("calculated results/s of {task}: a server of {CORES} cores without workers"),
         format!("{:.0}", on_server(alone)),
     )];
@@ -89,7 +86,7 @@ fn many_workers(task: &str, alone: &ResultCost, helped: &ResultCost) -> Vec<Row>
             .into_iter()
             .min_by(|a, b| a.0.total_cmp(&b.0))
             .unwrap_or((0.0, ""));
-            rows.push(plain_row(
+            rows.push(Row::plain(
                 format!(
                     "calculated results/s of {task}: {servers} servers, {workers} workers of {CORES} cores"
                 ),

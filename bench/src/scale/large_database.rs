@@ -50,7 +50,6 @@ async fn run(bytes: u64) -> anyhow::Result<Vec<Row>> {
     let backup_s = backup_s.await??;
     let mib = process::resident_bytes(server.pid())? as f64 / f64::from(1 << 20);
     anyhow::ensure!(server.terminate() == Some(0), "the server failed");
-    let plain = |label: String, measured: String| Row { label, measured, goal: String::new(), ratio: None };
     for row in &rows {
         writeln!(std::io::stderr(), "{}: {}", row.label, row.measured)?;
     }
@@ -58,13 +57,13 @@ async fn run(bytes: u64) -> anyhow::Result<Vec<Row>> {
         std::io::stderr(),
         "backup {backup_s:.0} s; p99 of results {beside:.1} ms, {alone:.1} ms alone; {mib:.0} MiB"
     )?;
-    rows.push(plain("backup while trainers report".into(), format!("{backup_s:.0} s")));
-    rows.push(plain("p99 of results beside the backup".into(), format!("{beside:.1} ms, {alone:.1} alone")));
-    rows.push(plain("memory of the server".into(), format!("{mib:.0} MiB")));
+    rows.push(Row::plain("backup while trainers report", format!("{backup_s:.0} s")));
+    rows.push(Row::plain("p99 of results beside the backup", format!("{beside:.1} ms, {alone:.1} alone")));
+    rows.push(Row::plain("memory of the server", format!("{mib:.0} MiB")));
     for command in ["check", "vacuum"] {
         let seconds = spawn_command(&[command], &file).await??;
         writeln!(std::io::stderr(), "db {command}: {seconds:.0} s")?;
-        rows.push(plain(format!("db {command}"), format!("{seconds:.0} s")));
+        rows.push(Row::plain(format!("db {command}"), format!("{seconds:.0} s")));
     }
     Ok(rows)
 }
