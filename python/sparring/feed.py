@@ -188,7 +188,7 @@ class AsyncNatsFeed:
         return await _confirm(message)
 
     async def release(self) -> None:
-        """Returns the current group unused: NATS delivers it again, at once."""
+        """Returns the current group unused: NATS delivers it again, without waiting for `ack_wait_s`; others may come before."""
         message, self._held = self._held, None
         self._stop_keeping()
         if message is not None:
@@ -344,7 +344,7 @@ class NatsFeed:
         return self._call(self._feed.acknowledge())
 
     def release(self) -> None:
-        """Returns the current group unused: NATS delivers it again, at once."""
+        """Returns the current group unused: NATS delivers it again, without waiting for `ack_wait_s`; others may come before."""
         self._call(self._feed.release())
 
     def state(self) -> dict[str, Any] | None:
