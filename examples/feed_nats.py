@@ -47,6 +47,12 @@ def learn(group):
     return sum(len(episode["steps"]) for episode, advantage in zip(group["episodes"], advantages, strict=True) if advantage != 0)
 
 
+def stream_of(nats_name, run):
+    """Returns the name of the stream of a run, such as my-run, or east.my-run with a shard."""
+    shard, dot, name = run.rpartition(".")
+    return f"SPARRING_{nats_name}_FEED-{shard}_{name}" if dot else f"SPARRING_{nats_name}_FEED_{name}"
+
+
 async def open_consumer(js, stream, name):
     """Creates the durable consumer. The server creates the stream soon after the policy was set."""
     config = ConsumerConfig(name=name, durable_name=name, ack_policy=AckPolicy.EXPLICIT, ack_wait=30, inactive_threshold=86_400)
@@ -71,7 +77,7 @@ async def read_group(js, stream, message):
 async def train(args):
     # A key for trainers may only use replies of this prefix (deploy/nats.conf).
     client = await nats.connect(args.nats, inbox_prefix="_INBOX_TRAINER", nkeys_seed=args.nkey)
-    js, stream = client.jetstream(), f"SPARRING_{args.nats_name}_FEED_{args.run}"
+    js, stream = client.jetstream(), stream_of(args.nats_name, args.run)
     subscription = await open_consumer(js, stream, args.consumer)
     learned, useful = set(), 0
     while len(learned) < args.groups:

@@ -20,7 +20,7 @@ import threading
 from collections.abc import Coroutine
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from .feed_options import check_options, connection_options
+from .feed_options import check_options, connection_options, stream_name
 
 if TYPE_CHECKING:
     from nats.aio.msg import Msg
@@ -65,7 +65,7 @@ def nats(
 
     Args:
         server: Address of the NATS server, such as nats://127.0.0.1:4222.
-        run: Id of the run; its policy needs `"delivery": "nats"`.
+        run: Id of the run, with its shard if it has one; its policy needs `"delivery": "nats"`.
         consumer: Name of the durable consumer. Trainers with the same name share the groups.
         cluster: Name of the servers (`sparring serve --nats-name`).
         credentials: File with the credentials of a NATS account (.creds) or the seed of an nkey (SU…).
@@ -112,7 +112,7 @@ class AsyncNatsFeed:
         )
         self._run, self._consumer, self._cluster = run, consumer, cluster
         self._idle_s, self._ack_wait_s, self._forget_after_s = idle_s, ack_wait_s, forget_after_s
-        self._stream = f"SPARRING_{cluster}_FEED_{run}"
+        self._stream = stream_name(cluster, run)
         self._options = connection_options(server, credentials, ca_file)
         self._client = nats.aio.client.Client()
         self._js = self._client.jetstream(timeout=TIMEOUT_S)

@@ -1,4 +1,4 @@
-"""Arguments of feeds on NATS, and of the connections to it."""
+"""Arguments of feeds on NATS, and the names of their streams."""
 
 from __future__ import annotations
 
@@ -11,6 +11,21 @@ from .errors import invalid
 
 #: Beginning of the subjects of replies: `deploy/nats.conf` allows no others to a trainer.
 INBOX_PREFIX = "_INBOX_TRAINER"
+#: Pattern and description of each name.
+NAMES = {
+    "run": (r"([a-z0-9]{1,16}\.)?[a-z0-9_-]{1,64}", "the id of a run, such as my-run, or east.my-run with a shard"),
+    "consumer": ("[A-Za-z0-9_-]{1,64}", "1 to 64 letters, digits, `-` or `_`"),
+    "cluster": ("[A-Za-z0-9_-]{1,32}", "1 to 32 letters, digits, `-` or `_`"),
+}
+
+
+def stream_name(cluster: str, run: str) -> str:
+    """Returns the name of the stream of a run's feed, and of the bucket of its large groups.
+
+    Names of streams have no dots. The name of a run can contain `_`, but its shard cannot, so all names differ.
+    """
+    shard, dot, name = run.rpartition(".")
+    return f"SPARRING_{cluster}_FEED{f'-{shard}' if dot else ''}_{name}"
 
 
 def check_options(server: str, names: dict[str, str], durations: dict[str, float | None]) -> None:
@@ -20,8 +35,9 @@ def check_options(server: str, names: dict[str, str], durations: dict[str, float
         ValueError: An argument is invalid; the message names it.
     """
     for name, value in names.items():
-        if not isinstance(value, str) or not re.fullmatch("[A-Za-z0-9_-]{1,64}", value):
-            raise invalid(name, "1 to 64 letters, digits, `-` or `_`", value)
+        pattern, description = NAMES[name]
+        if not isinstance(value, str) or not re.fullmatch(pattern, value):
+            raise invalid(name, description, value)
     if not isinstance(server, str) or not re.match("(nats|tls|ws|wss)://.", server):
         raise invalid("server", "an address such as nats://127.0.0.1:4222", server)
     for name, seconds in durations.items():

@@ -157,6 +157,22 @@ def test_asynchronous_trainer_and_idle_end(client, nats):
     assert len(ids) >= 3 and ids == sorted(set(ids))
 
 
+def test_run_of_a_shard_has_a_feed(nats):
+    with served(nats, "--shard", "east", "--nats-name", "shards") as client:
+        for name, group_size in [("east.small_run", 2), ("east.large-run", 16)]:
+            create_run(client, name, groups=3, group_size=group_size)
+            with open_feed(nats, name, cluster="shards") as feed:
+                wait_until_full(client, name)
+                expected = client.trajectories.read(name, limit=3)["groups"]
+                assert [{**feed.receive(60), "deliveries": 0} for _ in range(3)] == expected
+                assert feed.acknowledge()
+                wait_until(lambda name=name: client.trajectories.get_policy(name)["feed"]["acknowledged"] >= 3)
+                assert feed.state()["policy"] == "random"
+            set_policy(client, name, "off")
+        with pytest.raises(FeedError, match="the run small_run has no feed on NATS"):
+            sparring.feed.nats(nats.url, "small_run", cluster="shards")
+
+
 def test_errors_name_their_cause(client, nats):
     with pytest.raises(FeedError, match=r"the run nowhere has no feed on NATS: set its policy"):
         sparring.feed.nats(nats.url, "nowhere")
