@@ -20,7 +20,7 @@ import threading
 from collections.abc import Coroutine
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from .feed_options import check_options, connection_options, stream_name
+from .feed_options import check_idle, check_options, connection_options, stream_name
 
 if TYPE_CHECKING:
     from nats.aio.msg import Msg
@@ -71,14 +71,15 @@ def nats(
         credentials: File with the credentials of a NATS account (.creds) or the seed of an nkey (SU…).
         ca_file: File with the certificate authorities of the NATS server, in PEM.
         idle_s: Ends the iteration after so many seconds without a group; None waits for ever.
-        ack_wait_s: Time after which NATS delivers the group of a dead trainer again, in seconds. While this process lives, it
-            keeps its group.
-        forget_after_s: Time without this trainer after which NATS forgets the consumer, in seconds. Until then, groups wait for
-            it, and the feed fills up.
+        ack_wait_s: Time after which NATS delivers the group of a dead trainer again, in seconds, at most 31 536 000 (a year).
+            While this process lives, it keeps its group.
+        forget_after_s: Time without this trainer after which NATS forgets the consumer, in seconds, at most 31 536 000 (a year).
+            Until then, groups wait for it, and the feed fills up.
 
     Raises:
         FeedError: NATS cannot be reached, or the run has no feed on it.
         ImportError: The package nats-py is missing.
+        ValueError: A value is out of range, or a file cannot be used; the message names the argument.
     """
     options: dict[str, Any] = {"consumer": consumer, "cluster": cluster, "credentials": credentials, "ca_file": ca_file}
     options |= {"idle_s": idle_s, "ack_wait_s": ack_wait_s, "forget_after_s": forget_after_s}
@@ -105,11 +106,9 @@ class AsyncNatsFeed:
             import nats.aio.client
         except ImportError as error:
             raise ImportError("sparring.feed.nats needs nats-py: pip install 'sparring[nats]'") from error
-        check_options(
-            server,
-            {"run": run, "consumer": consumer, "cluster": cluster},
-            {"idle_s": idle_s, "ack_wait_s": ack_wait_s, "forget_after_s": forget_after_s},
-        )
+        names = {"run": run, "consumer": consumer, "cluster": cluster}
+        check_options(server, names, {"ack_wait_s": ack_wait_s, "forget_after_s": forget_after_s})
+        check_idle(idle_s)
         self._run, self._consumer, self._cluster = run, consumer, cluster
         self._idle_s, self._ack_wait_s, self._forget_after_s = idle_s, ack_wait_s, forget_after_s
         self._stream = stream_name(cluster, run)
@@ -131,7 +130,7 @@ class AsyncNatsFeed:
         from nats.js.errors import NotFoundError
 
         try:
-            await asyncio.wait_for(self._client.connect(**self._options), CONNECT_S)
+            await asyncio.wait_for(self._client.connect(**self._options, error_cb=_ignore), CONNECT_S)
             await self._subscribe()
         except NotFoundError as error:
             await self._client.close()
@@ -378,6 +377,10 @@ class NatsFeed:
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
         self._loop.close()
+
+
+async def _ignore(_: Exception) -> None:
+    """Ignores an error of the connection: requests fail by themselves, and the client connects again."""
 
 
 async def _confirm(message: Msg) -> bool:

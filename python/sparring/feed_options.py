@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import base64
+import binascii
+import itertools
 import os
 import re
 import ssl
+from pathlib import Path
 from typing import Any
 
 from .errors import invalid
 
 #: Beginning of the subjects of replies: `deploy/nats.conf` allows no others to a trainer.
 INBOX_PREFIX = "_INBOX_TRAINER"
+#: Longest `ack_wait_s` and `forget_after_s`, seconds: a year. NATS stores durations as nanoseconds in 64 bits.
+MAX_DURATION_S = 31_536_000
 #: Pattern and description of each name.
 NAMES = {
     "run": (r"([a-z0-9]{1,16}\.)?[a-z0-9_-]{1,64}", "the id of a run, such as my-run, or east.my-run with a shard"),
@@ -28,7 +34,7 @@ def stream_name(cluster: str, run: str) -> str:
     return f"SPARRING_{cluster}_FEED{f'-{shard}' if dot else ''}_{name}"
 
 
-def check_options(server: str, names: dict[str, str], durations: dict[str, float | None]) -> None:
+def check_options(server: str, names: dict[str, str], durations: dict[str, float]) -> None:
     """Checks the address, the names and the durations of a feed.
 
     Raises:
@@ -41,14 +47,28 @@ def check_options(server: str, names: dict[str, str], durations: dict[str, float
     if not isinstance(server, str) or not re.match("(nats|tls|ws|wss)://.", server):
         raise invalid("server", "an address such as nats://127.0.0.1:4222", server)
     for name, seconds in durations.items():
-        if seconds is not None and (isinstance(seconds, bool) or not isinstance(seconds, (int, float)) or not seconds > 0):
-            raise invalid(name, "a number of seconds > 0", seconds)
+        if not _is_number(seconds) or not 0 < seconds <= MAX_DURATION_S:
+            raise invalid(name, f"a number of seconds > 0, at most {MAX_DURATION_S} (a year)", seconds)
+
+
+def check_idle(idle_s: float | None) -> None:
+    """Checks the time after which an iteration ends.
+
+    Raises:
+        ValueError: The time is not a positive number.
+    """
+    if idle_s is not None and (not _is_number(idle_s) or not idle_s > 0):
+        raise invalid("idle_s", "a number of seconds > 0, or None to wait for ever", idle_s)
 
 
 def connection_options(
     server: str, credentials: str | os.PathLike[str] | None, ca_file: str | os.PathLike[str] | None
 ) -> dict[str, Any]:
-    """Returns the arguments of a connection."""
+    """Returns the arguments of a connection.
+
+    Raises:
+        ValueError: A file cannot be read, or has other content; the message names the argument.
+    """
     options: dict[str, Any] = {
         "servers": [part.strip() for part in server.split(",")],
         "name": "sparring trainer",
@@ -57,17 +77,47 @@ def connection_options(
         "allow_reconnect": True,
         "max_reconnect_attempts": -1,
         "reconnect_time_wait": 1,
-        "error_cb": _ignore,
     }
     if credentials is not None:
-        path = os.fspath(credentials)
-        with open(path, encoding="utf-8") as file:
-            is_seed = file.read(2) == "SU"
-        options["nkeys_seed" if is_seed else "user_credentials"] = path
+        options |= _credentials_option(credentials)
     if ca_file is not None:
-        options["tls"] = ssl.create_default_context(cafile=os.fspath(ca_file))
+        options["tls"] = _trust(ca_file)
     return options
 
 
-async def _ignore(_: Exception) -> None:
-    """Ignores an error of the connection: requests fail by themselves, and the client connects again."""
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _credentials_option(credentials: str | os.PathLike[str]) -> dict[str, str]:
+    """Returns the option of nats-py for a file with credentials."""
+    expected = "a .creds file of a NATS account, or a file with the seed of an nkey (SU…), which `nk -gen user` prints"
+    try:
+        path = os.fspath(credentials)
+        content = Path(path).read_bytes()
+    except (OSError, TypeError, ValueError) as error:
+        raise invalid("credentials", f"{expected} ({error})", credentials) from error
+    if _is_seed(content.strip()):
+        return {"nkeys_seed": path}
+    lines = content.split(b"\n")
+    seeds = [after for line, after in itertools.pairwise(lines) if b"BEGIN USER NKEY SEED" in line]
+    if b"BEGIN NATS USER JWT" in content and seeds and _is_seed(seeds[0]):
+        return {"user_credentials": path}
+    raise invalid("credentials", f"{expected} (the file has neither)", credentials)
+
+
+def _is_seed(text: bytes) -> bool:
+    """Returns True for the seed of a user's nkey, whose last two bytes are a checksum."""
+    if not re.fullmatch(rb"SU[A-Z2-7]{56}", text):
+        return False
+    raw = base64.b32decode(text + b"======")
+    return binascii.crc_hqx(raw[:-2], 0) == int.from_bytes(raw[-2:], "little")
+
+
+def _trust(ca_file: str | os.PathLike[str]) -> ssl.SSLContext:
+    """Returns TLS settings that trust only the certificate authorities of a file."""
+    try:
+        return ssl.create_default_context(cafile=os.fspath(ca_file))
+    except (OSError, TypeError, ValueError) as error:
+        requirement = f"a PEM file with the certificate of the authority that issued the certificate of NATS ({error})"
+        raise invalid("ca_file", requirement, ca_file) from error

@@ -3,9 +3,15 @@
 import pytest
 
 import sparring
-from sparring.feed_options import stream_name
+from sparring.feed_options import MAX_DURATION_S, stream_name
 
 URL = "nats://127.0.0.1:1"
+#: Seed of an nkey from the documentation of NATS.
+SEED = "SUACSSL3UAHUDXKFSNVUZRF5UHPMWZ6BFDTJ7M6USDXIEDNPPQYYYCU3VY"
+CREDENTIALS = (
+    "-----BEGIN NATS USER JWT-----\neyJ0eXAi\n------END NATS USER JWT------\n\n"
+    "-----BEGIN USER NKEY SEED-----\n{}\n------END USER NKEY SEED------\n"
+)
 
 
 def test_runs_have_streams_of_their_own():
@@ -29,3 +35,53 @@ def test_id_of_a_run_is_accepted(run):
 def test_invalid_id_of_a_run_is_rejected(run):
     with pytest.raises(ValueError, match=r"^`run` must be the id of a run, such as my-run, or east\.my-run with a shard, got"):
         sparring.feed.nats(URL, run)
+
+
+@pytest.mark.parametrize(
+    ("argument", "value", "requirement"),
+    [
+        ("server", "http://127.0.0.1:8700", "an address such as nats://"),
+        ("consumer", "a.b", r"1 to 64 letters, digits, `-` or `_`, got 'a\.b'"),
+        ("cluster", "c" * 33, "1 to 32 letters"),
+        ("idle_s", 0, "a number of seconds > 0, or None"),
+        ("idle_s", float("nan"), "a number of seconds > 0, or None"),
+        *(
+            (argument, value, f"a number of seconds > 0, at most {MAX_DURATION_S}")
+            for argument in ("ack_wait_s", "forget_after_s")
+            for value in (0, -1.0, 1e300, float("inf"), float("nan"), 10**400, True, "30", None, MAX_DURATION_S + 1)
+        ),
+    ],
+)
+def test_invalid_argument_is_named(argument, value, requirement):
+    arguments = {"server": URL, "run": "my-run", argument: value}
+    with pytest.raises(ValueError, match=f"^`{argument}` must be {requirement}"):
+        sparring.feed.nats(**arguments)
+
+
+@pytest.mark.parametrize("argument", ["credentials", "ca_file"])
+def test_file_that_cannot_be_used_is_named(argument, tmp_path):
+    pytest.importorskip("nats")
+    contents = {
+        "empty": b"",
+        "binary": b"\xff\xfe\x00",
+        "jwt": CREDENTIALS.split("\n\n")[0].encode(),
+        "typing-error": SEED.replace("UDX", "UDY").encode(),
+        "two-lines": f"{SEED}\nUB\n".encode(),
+        "wrong-seed": CREDENTIALS.format("SUA").encode(),
+        "no-certificate": b"-----BEGIN CERTIFICATE-----\nnone\n-----END CERTIFICATE-----\n",
+    }
+    for name, content in contents.items():
+        (tmp_path / name).write_bytes(content)
+    requirement = {"credentials": r"a \.creds file", "ca_file": "a PEM file"}[argument]
+    for name in [*contents, "missing", "."]:
+        with pytest.raises(ValueError, match=rf"^`{argument}` must be {requirement} .*\(.+\), got .*{name}'\)?$"):
+            sparring.feed.nats(URL, "my-run", **{argument: tmp_path / name if name != "." else f"{tmp_path}/."})
+    with pytest.raises(ValueError, match=f"^`{argument}` must be {requirement}"):
+        sparring.feed.nats(URL, "my-run", **{argument: 5})
+
+
+@pytest.mark.parametrize("content", [SEED, f"\n{SEED}\r\n", CREDENTIALS.format(SEED)])
+def test_credentials_are_accepted(content, tmp_path):
+    pytest.importorskip("nkeys")
+    (tmp_path / "file").write_text(content)
+    sparring.feed.AsyncNatsFeed(URL, "my-run", credentials=tmp_path / "file")
