@@ -20,7 +20,7 @@ import threading
 from collections.abc import Coroutine
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from .feed_options import check_idle, check_options, connection_options, stream_name
+from .feed_options import check_idle, check_options, stream_name
 
 if TYPE_CHECKING:
     from nats.aio.msg import Msg
@@ -33,8 +33,6 @@ OBJECT_HEADER = "Sparring-Object"
 REQUEST_S = 5.0
 #: Timeout of other requests to NATS, seconds.
 TIMEOUT_S = 10.0
-#: Timeout of the first connection, seconds.
-CONNECT_S = 30.0
 #: Pause before a failed request is repeated, seconds.
 RETRY_S = 0.5
 #: How long a stream may be missing while the server creates it again, seconds.
@@ -69,7 +67,8 @@ def nats(
         consumer: Name of the durable consumer. Trainers with the same name share the groups.
         cluster: Name of the servers (`sparring serve --nats-name`).
         credentials: File with the credentials of a NATS account (.creds) or the seed of an nkey (SU…).
-        ca_file: File with the certificate authorities of the NATS server, in PEM.
+        ca_file: File with the certificate authorities of the NATS server, in PEM. With it, or with an address tls://, the
+            connection is encrypted, or fails.
         idle_s: Ends the iteration after so many seconds without a group; None waits for ever.
         ack_wait_s: Time after which NATS delivers the group of a dead trainer again, in seconds, at most 31 536 000 (a year).
             While this process lives, it keeps its group.
@@ -77,8 +76,8 @@ def nats(
             Until then, groups wait for it, and the feed fills up.
 
     Raises:
-        FeedError: NATS cannot be reached, or the run has no feed on it.
-        ImportError: The package nats-py is missing.
+        FeedError: NATS cannot be reached or rejects the user, or the run has no feed on it.
+        ImportError: The package nats-py is missing, or nkeys, which `credentials` need.
         ValueError: A value is out of range, or a file cannot be used; the message names the argument.
     """
     options: dict[str, Any] = {"consumer": consumer, "cluster": cluster, "credentials": credentials, "ca_file": ca_file}
@@ -102,18 +101,20 @@ class AsyncNatsFeed:
         ack_wait_s: float = 30.0,
         forget_after_s: float = 86_400.0,
     ) -> None:
-        try:
-            import nats.aio.client
-        except ImportError as error:
-            raise ImportError("sparring.feed.nats needs nats-py: pip install 'sparring[nats]'") from error
         names = {"run": run, "consumer": consumer, "cluster": cluster}
         check_options(server, names, {"ack_wait_s": ack_wait_s, "forget_after_s": forget_after_s})
         check_idle(idle_s)
         self._run, self._consumer, self._cluster = run, consumer, cluster
         self._idle_s, self._ack_wait_s, self._forget_after_s = idle_s, ack_wait_s, forget_after_s
         self._stream = stream_name(cluster, run)
-        self._options = connection_options(server, credentials, ca_file)
-        self._client = nats.aio.client.Client()
+        try:
+            from .feed_connection import NatsConnection
+
+            self._client = NatsConnection(server, credentials, ca_file)
+        except ImportError as error:
+            raise ImportError(
+                "sparring.feed.nats needs nats-py, and nkeys for `credentials`: pip install 'sparring[nats]'"
+            ) from error
         self._js = self._client.jetstream(timeout=TIMEOUT_S)
         self._subscription: Any = None
         self._held: Msg | None = None
@@ -125,12 +126,12 @@ class AsyncNatsFeed:
         """Connects, and creates the consumer if it does not exist. `async with` calls it.
 
         Raises:
-            FeedError: NATS cannot be reached, or the run has no feed on it.
+            FeedError: NATS cannot be reached or rejects the user, or the run has no feed on it.
         """
         from nats.js.errors import NotFoundError
 
         try:
-            await asyncio.wait_for(self._client.connect(**self._options, error_cb=_ignore), CONNECT_S)
+            await self._client.open()
             await self._subscribe()
         except NotFoundError as error:
             await self._client.close()
@@ -139,7 +140,7 @@ class AsyncNatsFeed:
             ) from error
         except Exception as error:
             await self._client.close()
-            raise FeedError(f"the feed of the run {self._run} cannot be opened: {str(error) or type(error).__name__}") from error
+            raise FeedError(f"the feed of the run {self._run} cannot be opened: {self._client.explain(error)}") from error
 
     async def close(self) -> None:
         """Returns the group that is not acknowledged to the other trainers of the consumer, and disconnects."""
@@ -377,10 +378,6 @@ class NatsFeed:
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
         self._loop.close()
-
-
-async def _ignore(_: Exception) -> None:
-    """Ignores an error of the connection: requests fail by themselves, and the client connects again."""
 
 
 async def _confirm(message: Msg) -> bool:

@@ -1,0 +1,137 @@
+"""Connections of feeds to real NATS servers: TLS, users and permissions."""
+
+import asyncio
+import socket
+import threading
+import time
+
+import pytest
+import trustme
+from nats_server import NatsServer, needs_nats
+
+import sparring
+from sparring.feed import FeedError
+
+pytest.importorskip("nats")
+
+from nats.errors import SecureConnWantedError
+
+from sparring import feed_connection
+
+pytestmark = needs_nats
+
+#: Error of a feed whose connection works.
+CONNECTED = "the run nowhere has no feed on NATS"
+NO_TLS = "the NATS server does not require TLS"
+
+
+def open_nowhere(server, **arguments):
+    """Opens the feed of a run that does not exist."""
+    sparring.feed.nats(server, "nowhere", **arguments)
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """Folder with `ca.pem`, `cert.pem` and `key.pem`."""
+    folder, authority = tmp_path_factory.mktemp("tls"), trustme.CA()
+    authority.cert_pem.write_to_path(folder / "ca.pem")
+    certificate = authority.issue_cert("127.0.0.1")
+    certificate.cert_chain_pems[0].write_to_path(folder / "cert.pem")
+    certificate.private_key_pem.write_to_path(folder / "key.pem")
+    return folder
+
+
+def tls_flags(files):
+    return "--tls", "--tlscert", files / "cert.pem", "--tlskey", files / "key.pem"
+
+
+def test_plain_text_is_refused_where_tls_is_required(files, tmp_path):
+    with NatsServer(tmp_path) as nats:
+        started = time.monotonic()
+        with pytest.raises(FeedError, match=NO_TLS):
+            open_nowhere(nats.url, ca_file=files / "ca.pem")
+        with pytest.raises(FeedError, match=NO_TLS):
+            open_nowhere(f"tls://{nats.address}")
+        assert time.monotonic() - started < feed_connection.CONNECT_S
+        with pytest.raises(FeedError, match=CONNECTED):
+            open_nowhere(nats.url)
+
+
+def test_plain_server_receives_no_password(files):
+    received = []
+
+    def serve(listener):
+        connection, _ = listener.accept()
+        with connection:
+            connection.sendall(b'INFO {"server_id":"a","version":"2.10.0","max_payload":1048576,"auth_required":true}\r\n')
+            received.append(connection.recv(4096))
+
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        thread = threading.Thread(target=serve, args=[listener])
+        thread.start()
+        with pytest.raises(FeedError, match=NO_TLS):
+            open_nowhere(f"nats://user:secret@127.0.0.1:{listener.getsockname()[1]}", ca_file=files / "ca.pem")
+        thread.join()
+    assert received == [b""]
+
+
+def test_tls_needs_the_authority_of_the_server(files, tmp_path):
+    with NatsServer(tmp_path, *tls_flags(files)) as nats:
+        with pytest.raises(FeedError, match=CONNECTED):
+            open_nowhere(nats.url, ca_file=files / "ca.pem")
+        with pytest.raises(FeedError, match=r"the certificate of NATS is not valid here \(.+\): set `ca_file`"):
+            open_nowhere(nats.url)
+        with pytest.raises(FeedError, match=r"the certificate of NATS is not valid here \(.+\): set `ca_file`"):
+            open_nowhere(f"nats://localhost:{nats.port}", ca_file=files / "ca.pem")
+
+
+def test_next_connection_needs_tls_too(files, tmp_path):
+    async def reconnect(encrypted):
+        connection = feed_connection.NatsConnection(encrypted.url, None, files / "ca.pem")
+        await connection.open()
+        encrypted.kill()
+        with NatsServer(tmp_path, port=encrypted.port):
+            while not isinstance(connection.last_error, SecureConnWantedError):
+                assert not connection.is_connected or connection.last_error is None
+                await asyncio.sleep(0.01)
+        encrypted.start()
+        while not connection.is_connected:
+            await asyncio.sleep(0.01)
+        assert connection._is_encrypted()
+        await connection.close()
+
+    with NatsServer(tmp_path, *tls_flags(files)) as encrypted:
+        asyncio.run(asyncio.wait_for(reconnect(encrypted), 60))
+
+
+def test_rejected_user_is_explained(tmp_path):
+    with NatsServer(tmp_path, "--user", "u", "--pass", "p") as nats:
+        started = time.monotonic()
+        with pytest.raises(FeedError, match=r"NATS requires a user: set `credentials` .* or put its name .* into `server`"):
+            open_nowhere(nats.url)
+        with pytest.raises(FeedError, match="NATS rejects the user or the password in `server`") as error:
+            open_nowhere(f"nats://u:secret@{nats.address}")
+        assert "secret" not in str(error.value)
+        assert time.monotonic() - started < feed_connection.CONNECT_S
+        with pytest.raises(FeedError, match=CONNECTED):
+            open_nowhere(f"nats://u:p@{nats.address}")
+
+
+def test_missing_permission_is_explained(tmp_path, monkeypatch):
+    monkeypatch.setattr(sparring.feed, "TIMEOUT_S", 2.0)
+    config = tmp_path / "nats.conf"
+    permissions = '{ publish: ["other.>"], subscribe: ["_INBOX_TRAINER.>"] }'
+    config.write_text(f"authorization {{ users: [{{ user: u, password: p, permissions: {permissions} }}] }}")
+    with NatsServer(tmp_path, "--config", config) as nats, pytest.raises(FeedError, match=r"does not permit .*consumer\.create"):
+        open_nowhere(f"nats://u:p@{nats.address}")
+
+
+def test_server_without_jetstream_is_named(tmp_path):
+    with NatsServer(tmp_path, jetstream=False) as nats, pytest.raises(FeedError, match="start nats-server with -js"):
+        open_nowhere(nats.url)
+
+
+def test_server_that_does_not_answer_is_named(monkeypatch):
+    monkeypatch.setattr(feed_connection, "CONNECT_S", 2.0)
+    with pytest.raises(FeedError, match=r"NATS does not answer \(.*Connect call failed.*\): check `server`"):
+        open_nowhere("nats://127.0.0.1:1")
