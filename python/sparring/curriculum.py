@@ -18,7 +18,7 @@ from . import _native
 from ._native import CurriculumError as CurriculumError
 from .connection import DEFAULT_URL as DEFAULT_URL
 from .connection import needs_token, read_token
-from .curriculum_arguments import Form, Purpose, check_modes, check_numbers, default_column_groups, default_groups
+from .curriculum_arguments import Form, Purpose, check_modes, check_numbers, check_settings, default_column_groups, default_groups
 from .errors import invalid
 from .metrics import task_metrics
 from .scenario import copy_mapping, to_json
@@ -99,8 +99,8 @@ class Curriculum:
         self._http = _native.NativeHttpClient(url, self.token)
         if run is None:
             run = str(self.request("POST", "/v1/runs", body)["id"])
-        elif settings is not None:
-            raise ValueError(f"`settings` must be omitted with `run`: {run!r} exists and keeps its settings")
+        else:
+            check_settings(self._http, run, settings)
         self.run = run
         self._run_path = f"/v1/runs/{quote(run, safe='')}"
         self._metrics = MetricsSender(functools.partial(self._http.request, "POST", f"{self._run_path}/metrics", max_wait_s=0.0))

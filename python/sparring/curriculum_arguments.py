@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Literal, get_args
+from urllib.parse import quote
 
 import numpy as np
 
+from ._native import CurriculumError, NativeHttpClient
 from .errors import invalid, one_of
 
 Form = Literal["auto", "groups", "columns"]
@@ -57,6 +60,26 @@ def check_numbers(max_wait_s: Any, **integers: Any) -> None:
             raise invalid(name, f"an integer from 1 to {limit}", value)
     if not isinstance(max_wait_s, (int, float, np.number)) or not 0.0 <= max_wait_s < 1e9:
         raise invalid("max_wait_s", "a number of seconds from 0 to 1e9", max_wait_s)
+
+
+def check_settings(http: NativeHttpClient, run: str, settings: Mapping[str, Any] | None) -> None:
+    """Checks that no settings are passed with `run`, since they neither create nor change a run.
+
+    Raises:
+        CurriculumError: The server does not answer, or rejects the request.
+        ValueError: There are settings; the message says whether the run exists.
+    """
+    if settings is None:
+        return
+    try:
+        http.request("GET", f"/v1/runs/{quote(run, safe='')}")
+    except CurriculumError as error:
+        if ": 404: " not in str(error):
+            raise
+        reason = f"{run!r} does not exist; to create it, pass settings={{'id': {run!r}, …}} without `run`"
+    else:
+        reason = f"{run!r} exists and keeps its settings"
+    raise ValueError(f"`settings` must be omitted with `run`: {reason}")
 
 
 def default_groups(group_size: int) -> int:

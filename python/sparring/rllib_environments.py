@@ -94,6 +94,9 @@ def open_curriculum(arguments: Mapping[str, Any]) -> Curriculum:
     """
     if not isinstance(arguments, Mapping) or not arguments.get("run"):
         raise invalid("curriculum", "a dict with the url of a server and the run that all env runners share", arguments)
+    if arguments.get("settings") is not None:
+        requirement = "omitted with `run`: create the run before, as `sparring.Curriculum(url, settings=…)` does"
+        raise invalid("curriculum.settings", requirement, arguments["settings"])
     url = read_url(arguments.get("url"))
     try:
         return Curriculum(**{**arguments, "url": url})

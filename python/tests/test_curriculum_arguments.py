@@ -118,6 +118,21 @@ def test_program_is_found_beside_python(tmp_path, monkeypatch):
         assert curriculum.metrics()
 
 
+def test_settings_do_not_go_with_a_run():
+    with local_curriculum() as curriculum:
+        with pytest.raises(ValueError, match=f"^`settings` must be omitted with `run`: '{curriculum.run}' exists and keeps its"):
+            sparring.Curriculum(curriculum.url, curriculum.run, settings=SETTINGS)
+        missing = r"'ledger' does not exist; to create it, pass settings={'id': 'ledger', …} without `run`$"
+        with pytest.raises(ValueError, match=f"^`settings` must be omitted with `run`: {missing}"):
+            sparring.Curriculum(curriculum.url, run="ledger", settings=SETTINGS)
+        with pytest.raises(sparring.CurriculumError, match=r"404.*ledger"):
+            sparring.Curriculum(curriculum.url, run="ledger")
+        with sparring.Curriculum(curriculum.url, settings={**SETTINGS, "id": "ledger"}) as created:
+            assert created.run == "ledger"
+    with pytest.raises(sparring.CurriculumError, match="no server answers"):
+        sparring.Curriculum("http://127.0.0.1:1", run="ledger", settings=SETTINGS)
+
+
 def test_failing_program_is_reported():
     with pytest.raises(sparring.CurriculumError, match="start"):
         sparring.Curriculum.local(binary="/nowhere/sparring")

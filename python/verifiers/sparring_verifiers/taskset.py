@@ -83,7 +83,8 @@ class SparringConfig(vf.TasksetConfig):
             raise ValueError(f"`run` must be omitted with `suite`, {got}: pass `run` to train, or `suite` to evaluate")
         for name in ("tasks", "settings"):
             if self.run is not None and getattr(self, name):
-                raise ValueError(f"`{name}` must be omitted with `run`: {self.run!r} exists and keeps its tasks and settings")
+                reason = f"a run keeps its tasks and settings; omit `run` to create one, got {self.run!r}"
+                raise ValueError(f"`{name}` must be omitted with `run`: {reason}")
         self.tasks = [find_task(name).id for name in self.tasks]
         others = [task for task in self.tasks if not task.startswith(WORLD)]
         if others:
