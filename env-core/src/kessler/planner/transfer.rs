@@ -8,7 +8,7 @@ use super::panel::affordable_size;
 use super::trajectory::{PlannedBurn, Trajectory};
 use crate::episode_rng::{EpisodeRng, RngStream, SeededRng};
 use crate::kessler::constants::{
-    FUEL_PER_SPEED, GM, GOAL_THRESHOLD, HORIZON, MAX_BURN, RENDEZVOUS_STEPS, TARGET_RADIUS,
+    FUEL_PER_SPEED, GM, GOAL_THRESHOLD, HORIZON, MAX_BURN, RENDEZVOUS_STEPS, SATELLITES, TARGET_RADIUS,
 };
 use crate::kessler::kernel::Body;
 use crate::kessler::reward::proximity;
@@ -32,6 +32,10 @@ const EVASIVE_TRANSFERS: u32 = 400;
 const SIDE_BY_SIDE: usize = 4;
 /// Bonus for a trajectory that makes the episode a success.
 const SUCCESS_BONUS: f64 = 20.0;
+/// Number of satellites among which the team's reward for survival is divided, which gives the worth of a step survived.
+const TEAM: f64 = SATELLITES as f64;
+/// Allowance for the rounding of a worth that is summed up in another order.
+const ROUNDING: f64 = 1e-9;
 
 /// Returns the best transfer found from satellite 0's start. The search ends early once `is_wanted` returns
 /// false.
@@ -58,10 +62,11 @@ pub(super) fn search(
         while next < SIDE_BY_SIDE {
             let first = next;
             let gains = trials.each_ref().map(|trial| trial.gains(best_gains));
-            steer_side_by_side(ephemeris, hold, &mut trajectories[first..], &gains[first..]);
+            let start = TransferStart { ephemeris, hold, best_worth };
+            let is_complete = start.steer_side_by_side(&mut trajectories[first..], &gains[first..]);
             for lane in first..SIDE_BY_SIDE {
                 next = lane + 1;
-                let value = worth(&trajectories[lane]);
+                let value = if is_complete[lane - first] { worth(&trajectories[lane]) } else { f64::MIN };
                 if value > best_worth {
                     (best_worth, best_gains) = (value, gains[lane]);
                     best.clone_from(&trajectories[lane]);
@@ -99,10 +104,8 @@ fn search_evasive(
         let (sin, cos) = libm::sincos(std::f64::consts::TAU * rng.uniform(RngStream::Planner));
         let mut control = TransferControl::new(GainOffsets::draw(0.3, rng).apply(gains));
         control.evasive_burn = Some(PlannedBurn { step, dvx: size * cos, dvy: size * sin });
-        trajectory.branch_from(hold, 1);
-        let mut advance = |t| control.advance(&mut trajectory, ephemeris, t);
-        (1..=HORIZON).all(&mut advance);
-        if worth(&trajectory) > best_worth {
+        let start = TransferStart { ephemeris, hold, best_worth };
+        if start.steer(&mut trajectory, control) && worth(&trajectory) > best_worth {
             best_worth = worth(&trajectory);
             best.clone_from(&trajectory);
         }
@@ -171,7 +174,7 @@ fn worth(trajectory: &Trajectory) -> f64 {
         trajectory.survival_weights().map(|(t, weight)| proximity_at(trajectory, t) * weight).sum();
     let survived: f64 = trajectory.survival_weights().map(|(_, weight)| weight).sum();
     let is_success = !trajectory.is_lost() && mean_proximity(trajectory) >= GOAL_THRESHOLD;
-    survived / 3.0 + proximity_sum + if is_success { SUCCESS_BONUS } else { 0.0 }
+    survived / TEAM + proximity_sum + if is_success { SUCCESS_BONUS } else { 0.0 }
 }
 
 /// Mean proximity over the last steps, which the goal counts.
@@ -186,26 +189,78 @@ fn proximity_at(trajectory: &Trajectory, t: usize) -> f64 {
     proximity(trajectory.bodies[t].radius())
 }
 
-/// Propagates a transfer for each of these gains, from the start of `hold` on.
-fn steer_side_by_side(
-    ephemeris: &DebrisEphemeris,
-    hold: &Trajectory,
-    trajectories: &mut [Trajectory],
-    gains: &[TransferGains],
-) {
-    let mut controls = [None; SIDE_BY_SIDE];
-    for ((control, trajectory), gains) in controls.iter_mut().zip(&mut *trajectories).zip(gains) {
-        *control = Some(TransferControl::new(*gains));
-        trajectory.branch_from(hold, 1);
-    }
-    for t in 1..=HORIZON {
-        for (control, trajectory) in controls.iter_mut().zip(&mut *trajectories) {
-            if let Some(active) = control
-                && !active.advance(trajectory, ephemeris, t)
-            {
-                *control = None;
+/// Start of transfers, and what they must exceed.
+#[derive(Clone, Copy)]
+struct TransferStart<'a> {
+    ephemeris: &'a DebrisEphemeris,
+    hold: &'a Trajectory,
+    /// Worth of the best transfer so far.
+    best_worth: f64,
+}
+
+impl TransferStart<'_> {
+    /// Propagates a transfer for each of these gains. Returns which ones were propagated to their end; the others
+    /// cannot exceed the best.
+    fn steer_side_by_side(
+        self,
+        trajectories: &mut [Trajectory],
+        gains: &[TransferGains],
+    ) -> [bool; SIDE_BY_SIDE] {
+        let mut transfers = [None; SIDE_BY_SIDE];
+        for ((transfer, trajectory), gains) in transfers.iter_mut().zip(&mut *trajectories).zip(gains) {
+            *transfer = Some(ActiveTransfer::new(TransferControl::new(*gains)));
+            trajectory.branch_from(self.hold, 1);
+        }
+        let mut is_complete = [true; SIDE_BY_SIDE];
+        for t in 1..=HORIZON {
+            for (lane, (transfer, trajectory)) in transfers.iter_mut().zip(&mut *trajectories).enumerate() {
+                let Some(active) = transfer else { continue };
+                if !active.control.advance(trajectory, self.ephemeris, t) {
+                    *transfer = None;
+                } else if !active.can_exceed(self.best_worth, trajectory, t) {
+                    *transfer = None;
+                    is_complete[lane] = false;
+                }
             }
         }
+        is_complete
+    }
+
+    /// Propagates a transfer. Returns false if it ended early because it cannot exceed the best.
+    fn steer(self, trajectory: &mut Trajectory, control: TransferControl) -> bool {
+        let mut transfer = ActiveTransfer::new(control);
+        trajectory.branch_from(self.hold, 1);
+        for t in 1..=HORIZON {
+            if !transfer.control.advance(trajectory, self.ephemeris, t) {
+                return true;
+            }
+            if !transfer.can_exceed(self.best_worth, trajectory, t) {
+                return false;
+            }
+        }
+        true
+    }
+}
+
+/// A transfer that is propagated, with its worth so far.
+#[derive(Clone, Copy)]
+struct ActiveTransfer {
+    control: TransferControl,
+    /// Worth of the steps so far.
+    worth: f64,
+}
+
+impl ActiveTransfer {
+    const fn new(control: TransferControl) -> Self {
+        Self { control, worth: 0.0 }
+    }
+
+    /// Counts step `t`. Returns false if even full proximity in all later steps and a success would not exceed a worth.
+    fn can_exceed(&mut self, best_worth: f64, trajectory: &Trajectory, t: u32) -> bool {
+        let weight = trajectory.survival[t as usize];
+        self.worth += weight * (1.0 / TEAM + proximity_at(trajectory, t as usize));
+        let later = weight * f64::from(HORIZON - t) * (1.0 / TEAM + 1.0);
+        self.worth + later + SUCCESS_BONUS > best_worth - ROUNDING
     }
 }
 
