@@ -7,7 +7,7 @@ mod proximity_grid;
 
 use std::sync::OnceLock;
 
-use self::proximity_grid::ProximityGrid;
+use self::proximity_grid::{ProximityGrid, SearchGrids};
 use crate::kessler::body_blocks::{ABSENT_BODY, ABSENT_COORDINATE};
 use crate::kessler::constants::{CONTACT_2, CONTACT_DISTANCE, EARTH_RADIUS_2, HORIZON, SIGMAS};
 use crate::kessler::kernel::{
@@ -26,8 +26,8 @@ pub(crate) struct DebrisEphemeris {
     vx: Vec<f64>,
     vy: Vec<f64>,
     pub(super) physics: Physics,
-    /// Grid for searches, if it is prepared and pays.
-    grid: OnceLock<Option<ProximityGrid>>,
+    /// Grids for searches, once they are prepared.
+    grids: OnceLock<SearchGrids>,
 }
 
 impl DebrisEphemeris {
@@ -50,7 +50,7 @@ impl DebrisEphemeris {
             vx: velocities(),
             vy: velocities(),
             physics,
-            grid: OnceLock::new(),
+            grids: OnceLock::new(),
         };
         let mut current = DebrisColumns::with_capacity(columns);
         debris.iter().for_each(|body| current.push(*body));
@@ -71,12 +71,17 @@ impl DebrisEphemeris {
     /// Prepares comparisons with nearby debris alone, which pays from about fifty trajectories on. No result depends on
     /// it.
     pub(in crate::kessler) fn prepare_search(&self) {
-        self.grid.get_or_init(|| ProximityGrid::new(self));
+        self.grids.get_or_init(|| SearchGrids::new(self));
     }
 
-    /// Grid of nearby debris, if it is prepared.
-    fn grid(&self) -> Option<&ProximityGrid> {
-        self.grid.get()?.as_ref()
+    /// Grid of debris near the ends of steps, if it is prepared.
+    fn near_grid(&self) -> Option<&ProximityGrid> {
+        self.grids.get()?.near.as_ref()
+    }
+
+    /// Grid of debris that passes within steps, if it is prepared.
+    fn passing_grid(&self) -> Option<&ProximityGrid> {
+        self.grids.get()?.passing.as_ref()
     }
 
     /// Number of columns: debris of the start and rogues.
@@ -91,7 +96,7 @@ impl DebrisEphemeris {
 
     /// Returns true if any debris is closer than the square root of `limit_2` to a point after `step`.
     pub(crate) fn any_within(&self, step: usize, px: f64, py: f64, limit_2: f64) -> bool {
-        if let Some(near) = self.grid().and_then(|grid| grid.columns_near(step, px, py, limit_2)) {
+        if let Some(near) = self.near_grid().and_then(|grid| grid.columns_near(step, px, py, limit_2)) {
             let is_within =
                 |column: &u16| self.distance_squared_to(usize::from(*column), step, px, py) < limit_2;
             return near.iter().any(is_within);
@@ -112,7 +117,8 @@ impl DebrisEphemeris {
             ContactModel::EndOfStep => self.any_within(step, body.x, body.y, CONTACT_2),
             ContactModel::Swept => {
                 let hits = |column| self.swept_distance_squared(column, step, body) < CONTACT_2;
-                match self.grid().and_then(|grid| grid.columns_passing(step, body, CONTACT_DISTANCE)) {
+                match self.passing_grid().and_then(|grid| grid.columns_passing(step, body, CONTACT_DISTANCE))
+                {
                     Some(near) => near.iter().any(|&column| hits(usize::from(column))),
                     None => (0..self.columns).any(hits),
                 }

@@ -47,7 +47,7 @@ impl DebrisEphemeris {
         mut visit: impl FnMut(usize),
     ) {
         let max_miss = CONTACT_DISTANCE + SIGMAS * sigma;
-        if let Some(near) = self.grid().and_then(|grid| grid.columns_passing(step, body, max_miss)) {
+        if let Some(near) = self.passing_grid().and_then(|grid| grid.columns_passing(step, body, max_miss)) {
             return near.iter().for_each(|&column| visit(usize::from(column)));
         }
         let max_miss_2 = max_miss * max_miss * (1.0 + 1e-6);

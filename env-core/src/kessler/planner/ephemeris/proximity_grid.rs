@@ -32,17 +32,32 @@ pub(super) struct ProximityGrid {
     columns: Vec<u16>,
 }
 
-impl ProximityGrid {
-    /// Builds the grid of an ephemeris; `None` if comparing all bodies is as fast.
-    pub(super) fn new(ephemeris: &DebrisEphemeris) -> Option<Self> {
-        let look_ahead = LOOK_AHEAD_LIMIT_2.sqrt();
-        let reach = match ephemeris.physics.contact {
-            ContactModel::EndOfStep => look_ahead,
-            ContactModel::Swept => look_ahead.max(CONTACT_DISTANCE + MAX_RELATIVE_SPEED),
-            ContactModel::Probability(sigma) => {
-                look_ahead.max(CONTACT_DISTANCE + SIGMAS * sigma + MAX_RELATIVE_SPEED)
-            }
+/// Grids of an ephemeris for searches.
+pub(super) struct SearchGrids {
+    /// Bodies near the end of a step.
+    pub(super) near: Option<ProximityGrid>,
+    /// Bodies that pass within a step; none if only the ends of steps count.
+    pub(super) passing: Option<ProximityGrid>,
+}
+
+impl SearchGrids {
+    /// Builds the grids that are faster than comparing all bodies.
+    pub(super) fn new(ephemeris: &DebrisEphemeris) -> Self {
+        let miss = match ephemeris.physics.contact {
+            ContactModel::EndOfStep => None,
+            ContactModel::Swept => Some(CONTACT_DISTANCE),
+            ContactModel::Probability(sigma) => Some(CONTACT_DISTANCE + SIGMAS * sigma),
         };
+        Self {
+            near: ProximityGrid::new(ephemeris, LOOK_AHEAD_LIMIT_2.sqrt()),
+            passing: miss.and_then(|miss| ProximityGrid::new(ephemeris, miss + MAX_RELATIVE_SPEED)),
+        }
+    }
+}
+
+impl ProximityGrid {
+    /// Builds a grid of an ephemeris; `None` if comparing all bodies is as fast.
+    fn new(ephemeris: &DebrisEphemeris, reach: f64) -> Option<Self> {
         if reach > MAX_REACH || ephemeris.columns > usize::from(u16::MAX) {
             return None;
         }
@@ -166,7 +181,8 @@ mod tests {
             let all = DebrisEphemeris::propagate(&debris, &[], 12, physics);
             let prepared = DebrisEphemeris::propagate(&debris, &[], 12, physics);
             prepared.prepare_search();
-            prop_assert!(prepared.grid().is_some());
+            prop_assert!(prepared.near_grid().is_some());
+            prop_assert_eq!(prepared.passing_grid().is_some(), is_swept);
             for step in 1..all.rows() {
                 // Places near debris, and those of satellites.
                 let near = debris.iter().enumerate().map(|(column, body)| {
