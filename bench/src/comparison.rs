@@ -8,6 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::Row;
 
+/// File name of the program that most benchmarks measure.
+const SPARRING: &str = if cfg!(windows) { "sparring.exe" } else { "sparring" };
+
 /// Figure of a benchmark as it is saved.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Figure {
@@ -59,19 +62,23 @@ pub(crate) fn append(file: &Path, turn: &Turn) -> anyhow::Result<Vec<Turn>> {
     Ok(turns)
 }
 
-/// Runs the same benchmarks in another build of this program, and returns its figures.
+/// Runs the same benchmarks in another build of this program, and returns its figures. It measures the `sparring` beside it, or
+/// the one that it builds.
 ///
 /// # Errors
 /// Returns an error if the program cannot be started or fails.
 pub(crate) fn measure_other(program: &Path, benchmarks: &[String]) -> anyhow::Result<Turn> {
     let folder = tempfile::tempdir()?;
     let file = folder.path().join("turn.json");
-    let status = Command::new(program)
-        .args(benchmarks)
-        .arg("--save")
-        .arg(&file)
-        .status()
-        .with_context(|| format!("cannot start {}", program.display()))?;
+    let mut command = Command::new(program);
+    command.args(benchmarks).arg("--save").arg(&file);
+    // The variable names the `sparring` that this program measures.
+    command.env_remove("SPARRING_BINARY");
+    let own = program.canonicalize().ok().map(|program| program.with_file_name(SPARRING));
+    if let Some(own) = own.filter(|own| own.exists()) {
+        command.env("SPARRING_BINARY", own);
+    }
+    let status = command.status().with_context(|| format!("cannot start {}", program.display()))?;
     ensure!(status.success(), "{} failed", program.display());
     read(&file)?.pop().context("the other program saved no measurements")
 }
