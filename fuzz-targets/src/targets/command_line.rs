@@ -6,6 +6,7 @@ use cli::fuzzing::{bind_address, config_file, token_lifetime};
 use commands::fuzzing::{actions_file, arguments, events, server_message, server_urls};
 use commands::{llm_args, names, options};
 use env_core::{ActionLog, Recipe, Scenario, Seed};
+use job_queue::nats::NatsUrl;
 use llm_policy::judging::parse_judge;
 use serde_json::json;
 
@@ -15,6 +16,7 @@ pub(super) const TARGETS: &[Target] = &[
     Target::new("arguments", all_arguments, argument_seeds),
     Target::new("bind", bind, bind_seeds),
     Target::new("server_address", server_address, address_seeds),
+    Target::new("nats_url", nats_url, nats_url_seeds),
     Target::new("config", config, config_seeds),
     Target::new("event_stream", event_stream, event_seeds),
     Target::new("server_message", message, message_seeds),
@@ -67,6 +69,26 @@ fn server_address(bytes: &[u8]) -> bool {
         assert!(!socket.contains(['?', '#']), "{socket:?} has a query or a fragment");
         true
     })
+}
+
+/// The shown URLs of NATS servers have no user, lead to the same servers, and are shown in the same way.
+fn nats_url(bytes: &[u8]) -> bool {
+    with_text(bytes, |text| {
+        let Ok(url) = text.parse::<NatsUrl>() else { return false };
+        let shown = url.to_string();
+        assert!(!shown.contains('@'), "{shown:?} has a user");
+        assert_eq!(shown.parse::<NatsUrl>().map(|again| again.to_string()), Ok(shown), "{text:?}");
+        true
+    })
+}
+
+fn nats_url_seeds() -> Vec<Vec<u8>> {
+    seeds_of(&[
+        "nats://10.0.0.5:4222",
+        "tls://user:secret@nats.example.com",
+        "host",
+        "nats://[::1]:1, tls://token@b",
+    ])
 }
 
 /// An error of a configuration file names the file.

@@ -69,7 +69,7 @@ tests! {
     settings snapshot curriculum_events suite_file
     design design_docking design_tasking design_answer failure_profile layout_file
     chat_response retry_after json_in_text reply verdict
-    arguments bind server_address config event_stream server_message actions_file
+    arguments bind server_address nats_url config event_stream server_message actions_file
     policy_reference reflex_file onnx_file
     job_envelope result_envelope prepare_job prepare_result audit_job audit_result critique_job critique_result
     design_job design_result rollout_job rollout_result heartbeat control_message run_state
