@@ -8,12 +8,12 @@ mod presence;
 mod run_states;
 mod stream;
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::HashMap;
 
 use async_nats::jetstream::{self, Context};
 use futures_util::TryStreamExt;
 
-use self::presence::{ServerPresence, is_connected};
+use self::presence::{ServerPresence, ServersOfCluster};
 pub(crate) use self::run_states::follow_run_states;
 pub use self::run_states::{PublishedRunState, RunStateBucket};
 pub use self::stream::{FeedMessage, FeedStream};
@@ -85,6 +85,7 @@ pub struct FeedConnection {
     context: Context,
     cluster: ClusterName,
     server: String,
+    servers: ServersOfCluster,
     _presence: ServerPresence,
 }
 
@@ -103,8 +104,9 @@ impl FeedConnection {
         let connection = Connection::open(config, "sparring serve: feeds").await?;
         let context = jetstream::new(connection.client.clone());
         let (cluster, server) = (config.cluster.clone(), subject_word(server));
-        let _presence = ServerPresence::announce(&connection.client, &cluster, &server).await?;
-        Ok(Self { connection, context, cluster, server, _presence })
+        let servers = ServersOfCluster { client: connection.client.clone(), cluster: cluster.clone() };
+        let _presence = servers.announce(&server).await?;
+        Ok(Self { connection, context, cluster, server, servers, _presence })
     }
 
     /// Returns a future that ends when the connection is interrupted.
@@ -117,20 +119,7 @@ impl FeedConnection {
     /// # Errors
     /// Returns [`NatsError`] if JetStream fails.
     pub async fn run_states(&self) -> Result<RunStateBucket, NatsError> {
-        let mut states = RunStateBucket::open(&self.context, &self.cluster, self.server.clone()).await?;
-        let mut connected = BTreeSet::new();
-        for other in states.other_servers() {
-            if self.is_connected(&other).await? {
-                connected.insert(other);
-            }
-        }
-        states.set_connected(connected);
-        Ok(states)
-    }
-
-    /// Returns true if a server is connected to NATS.
-    async fn is_connected(&self, server: &str) -> Result<bool, NatsError> {
-        is_connected(&self.connection.client, &self.cluster, server).await
+        RunStateBucket::open(&self.context, self.servers.clone(), self.server.clone()).await
     }
 
     /// Returns the runs of this server that have a stream.
@@ -163,7 +152,9 @@ impl FeedConnection {
                 (false, false) => return Err(FeedError::OtherServer { stream: name, owner }),
                 // A run with this id was deleted while NATS was away.
                 (true, false) => self.delete_feed(&settings.run).await?,
-                (false, true) if self.is_connected(&owner).await? => return Err(FeedError::Copy { owner }),
+                (false, true) if self.servers.is_connected(&owner).await? => {
+                    return Err(FeedError::Copy { owner });
+                }
                 // The database may have moved to another host.
                 (_, true) => {}
             }

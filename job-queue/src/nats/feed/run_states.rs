@@ -8,6 +8,7 @@ use async_nats::jetstream::kv::{Config, Entry, Operation, Store};
 use futures_util::StreamExt;
 use serde::{Deserialize, Serialize};
 
+use super::presence::ServersOfCluster;
 use crate::nats::connection::NatsError;
 use crate::nats::names::ClusterName;
 
@@ -38,8 +39,7 @@ pub struct PublishedRunState {
 pub struct RunStateBucket {
     store: Store,
     server: String,
-    /// Other servers that are connected: they write the states of their runs themselves.
-    connected: BTreeSet<String>,
+    servers: ServersOfCluster,
     /// States in the bucket, by run.
     known: BTreeMap<String, PublishedRunState>,
 }
@@ -54,11 +54,11 @@ impl RunStateBucket {
     /// Opens the bucket, which is created if it does not exist, and reads its states.
     pub(super) async fn open(
         context: &Context,
-        cluster: &ClusterName,
+        servers: ServersOfCluster,
         server: String,
     ) -> Result<Self, NatsError> {
         let config = Config {
-            bucket: cluster.run_states_bucket(),
+            bucket: servers.cluster.run_states_bucket(),
             description: "Sparring: states and policy versions of runs".to_owned(),
             history: 1,
             ..Config::default()
@@ -67,18 +67,27 @@ impl RunStateBucket {
         let store = store.map_err(|error| NatsError::new("the states of runs cannot be opened", error))?;
         let read = tokio::time::timeout(READ_TIMEOUT, read_states(&store)).await;
         let known = read.map_err(|error| NatsError::new("the states of runs cannot be read", error))??;
-        Ok(Self { store, server, connected: BTreeSet::new(), known })
+        Ok(Self { store, server, servers, known })
     }
 
-    /// Returns the other servers whose runs have a state.
-    pub(super) fn other_servers(&self) -> BTreeSet<String> {
-        let others = self.known.values().map(|known| &known.server).filter(|server| **server != self.server);
-        others.cloned().collect()
-    }
-
-    /// Sets which other servers are connected.
-    pub(super) fn set_connected(&mut self, servers: BTreeSet<String>) {
-        self.connected = servers;
+    /// Returns the connected servers that write the same runs, from copies of the database.
+    async fn connected_copies(
+        &self,
+        states: &BTreeMap<String, PublishedRunState>,
+    ) -> Result<BTreeSet<String>, NatsError> {
+        let same_runs = states.iter().filter_map(|(run, state)| {
+            self.known
+                .get(run)
+                .filter(|known| known.server != self.server && known.created_at == state.created_at)
+        });
+        let copies: BTreeSet<&String> = same_runs.map(|known| &known.server).collect();
+        let mut connected = BTreeSet::new();
+        for server in copies {
+            if self.servers.is_connected(server).await? {
+                connected.insert(server.clone());
+            }
+        }
+        Ok(connected)
     }
 
     /// Writes the states that differ from those in the bucket, and deletes those of runs that this server no longer has.
@@ -101,13 +110,14 @@ impl RunStateBucket {
             self.store.purge(format!("{KEY_PREFIX}{run}")).await.map_err(|error| failed(&error))?;
             self.known.remove(&run);
         }
+        let copies = self.connected_copies(&states).await?;
         for (run, state) in states {
             let state = PublishedRunState { server: self.server.clone(), ..state };
             let known = self.known.get(&run);
             // Another server has a run of the same id, or a copy of the database: the first one keeps the key.
             let is_foreign = known.is_some_and(|known| {
                 known.server != self.server
-                    && (known.created_at != state.created_at || self.connected.contains(&known.server))
+                    && (known.created_at != state.created_at || copies.contains(&known.server))
             });
             if is_foreign || known == Some(&state) {
                 continue;

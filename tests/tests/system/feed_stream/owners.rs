@@ -27,6 +27,13 @@ async fn owner_of(context: &Context, stream: &str) -> Option<String> {
     stream.cached_info().config.metadata.get("sparring-server").cloned()
 }
 
+/// Name of the server that wrote the state of the run.
+async fn server_of_state(context: &Context) -> Option<String> {
+    let states = context.get_key_value("SPARRING_default_RUNS").await.ok()?;
+    let state: Value = serde_json::from_slice(&states.get("runs.run").await.ok()??).ok()?;
+    state["server"].as_str().map(str::to_owned)
+}
+
 /// Message of the last error of the run's policy.
 async fn last_error(server: &ServerProcess) -> String {
     policy(&server.api(), "run").await["last_error"]["message"].as_str().unwrap_or_default().to_owned()
@@ -77,10 +84,17 @@ async fn copy_of_a_database_does_not_publish_beside_it() {
     assert_eq!(last_error(&first).await, "");
     assert_eq!(owner_of(&context, STREAM).await.as_ref(), Some(&owner));
 
+    assert_eq!(server_of_state(&context).await.as_ref(), Some(&owner));
+
     // Without the first server, the copy is the database that moved to another place.
     first.kill();
     wait_until("the copy publishes", async || {
         owner_of(&context, STREAM).await.is_some_and(|server| server != owner)
+    })
+    .await;
+    let _ = put_policy(&second.api(), "run", delivered(4)).await.expect(200);
+    wait_until("the copy writes the state of the run", async || {
+        server_of_state(&context).await.is_some_and(|server| server != owner)
     })
     .await;
     let first = start(&original, &nats, &[]);
