@@ -127,8 +127,8 @@ impl Drop for LogGuard {
 ///
 /// Its most verbose level is that of `levels`: without one, every disabled line of every package would be filtered anew.
 fn line_filter(levels: &str) -> anyhow::Result<LogFilter> {
-    // The client of NATS logs each attempt to connect at `info`; Sparring itself logs that NATS is away, and why.
-    let levels = if levels == "info" { "info,async_nats=warn" } else { levels };
+    // The client of NATS logs each attempt to connect; Sparring itself logs that NATS is away, and why.
+    let levels = if levels == "info" { "info,async_nats=warn,async_nats::connector=off" } else { levels };
     let without_frames = filter_fn(|line| !is_frames(line)).with_max_level_hint(LevelFilter::TRACE);
     Ok(EnvFilter::try_new(levels)?.and(without_frames).boxed())
 }

@@ -25,11 +25,11 @@ pub struct NatsArgs {
 #[command(next_help_heading = "NATS")]
 pub struct NatsAccountArgs {
     /// File with the credentials of a NATS account (.creds) or the seed of an nkey (SU…), if the NATS server requires one
-    #[arg(long, value_name = "FILE", env = "SPARRING_NATS_CREDS", hide_env_values = true)]
+    #[arg(long, value_name = "FILE", env = "SPARRING_NATS_CREDS", hide_env_values = true, requires = "nats")]
     nats_creds: Option<PathBuf>,
     /// File with the certificate authorities of the NATS server, in PEM; the connection is then always encrypted (default: the
     /// authorities of the system, for tls:// and servers that require TLS)
-    #[arg(long, value_name = "FILE", env = "SPARRING_NATS_CA", hide_env_values = true)]
+    #[arg(long, value_name = "FILE", env = "SPARRING_NATS_CA", hide_env_values = true, requires = "nats")]
     nats_ca: Option<PathBuf>,
     /// Name under which servers and workers find each other: letters, digits, `-` and `_`
     #[arg(
@@ -37,7 +37,8 @@ pub struct NatsAccountArgs {
         value_name = "NAME",
         env = "SPARRING_NATS_NAME",
         hide_env_values = true,
-        default_value = "default"
+        default_value = "default",
+        requires = "nats"
     )]
     nats_name: ClusterName,
 }

@@ -186,6 +186,22 @@ pub async fn set_error(
     Ok(())
 }
 
+/// Removes the error of a run's policy if it begins with a text.
+///
+/// # Errors
+/// Returns [`StoreError::Database`] if the statement fails.
+pub async fn clear_error(conn: &mut SqliteConnection, run: &str, beginning: &str) -> Result<(), StoreError> {
+    query!(
+        "UPDATE run_policies SET error = NULL, error_at = NULL
+         WHERE run = ?1 AND substr(error, 1, length(?2)) = ?2",
+        run,
+        beginning
+    )
+    .execute(conn)
+    .await?;
+    Ok(())
+}
+
 /// Adds tokens and cost to what a run spent on a day (days since 1970-01-01 UTC).
 ///
 /// # Errors

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use async_nats::ServerAddr;
+use async_nats::{ConnectOptions, ServerAddr};
 
 /// URLs of the servers of a NATS cluster: one, or several with commas between them.
 #[derive(Clone, PartialEq, Eq)]
@@ -35,6 +35,12 @@ fn parse_server(text: &str) -> Result<ServerAddr, InvalidNatsUrl> {
     if server.host().is_empty() {
         return Err(invalid("the URL has no host".to_owned()));
     }
+    let has_escapes = |part: Option<&str>| part.is_some_and(|part| part.contains('%'));
+    if has_escapes(server.username()) || has_escapes(server.password()) {
+        let reason =
+            "the user and the password may have letters, digits and `-._~` only; else use --nats-creds";
+        return Err(invalid(reason.to_owned()));
+    }
     Ok(server)
 }
 
@@ -50,6 +56,16 @@ impl NatsUrl {
     /// Returns the addresses of the servers.
     pub(crate) fn servers(&self) -> &[ServerAddr] {
         &self.0
+    }
+
+    /// Adds the user and password, or the token, of the first server that has one.
+    pub(super) fn with_user(&self, options: ConnectOptions) -> ConnectOptions {
+        let user = self.0.iter().find_map(|server| Some((server.username()?, server.password())));
+        match user {
+            Some((user, Some(password))) => options.user_and_password(user.to_owned(), password.to_owned()),
+            Some((token, None)) => options.token(token.to_owned()),
+            None => options,
+        }
     }
 }
 
@@ -96,6 +112,7 @@ mod tests {
             ("nats://", "host"),
             ("nats://host:99999", "port"),
             ("nats://a b", "domain"),
+            ("nats://user:p%40ss@host", "else use --nats-creds"),
         ];
         for (url, reason) in cases {
             let error = url.parse::<NatsUrl>().unwrap_err().to_string();

@@ -198,3 +198,30 @@ impl Change for SetPolicyError {
         Ok(run_policies::set_error(&mut tx.conn, &self.run, &self.error, tx.now).await?)
     }
 }
+
+/// Beginning of the errors of feeds, which distinguishes them from those of rollouts.
+const FEED_ERROR: &str = "the feed is not published: ";
+
+/// Stores why NATS does not deliver a run's feed, for display; without a reason, the feed is published again.
+#[derive(Debug)]
+pub struct SetFeedError {
+    /// Id of the run.
+    pub run: String,
+    /// Why the feed is not published, as a clause.
+    pub reason: Option<String>,
+}
+
+impl Change for SetFeedError {
+    type Output = ();
+
+    async fn apply(self, tx: &mut WriteTx) -> Result<(), ServiceError> {
+        let Self { run, reason } = self;
+        match reason {
+            Some(reason) => {
+                run_policies::set_error(&mut tx.conn, &run, &format!("{FEED_ERROR}{reason}"), tx.now).await?;
+            }
+            None => run_policies::clear_error(&mut tx.conn, &run, FEED_ERROR).await?,
+        }
+        Ok(())
+    }
+}

@@ -5,6 +5,7 @@
 //! removes it from the stream. `session` has the steps for one connection. After an interruption, or a crash of the server or of NATS,
 //! the worker reads again what each stream has, and goes on: nothing is lost, and no group is published twice.
 
+mod feed_errors;
 mod feed_round;
 mod session;
 
@@ -18,7 +19,9 @@ use sqlx::SqlitePool;
 use store::{StoreError, feeds, trajectories};
 use tokio::sync::watch;
 
+use self::feed_errors::FeedErrors;
 use self::session::FeedSession;
+use crate::engine::error::ServiceError;
 use crate::engine::writer::Writer;
 use crate::metrics;
 use crate::workers::round_error::ends_worker;
@@ -39,15 +42,16 @@ pub struct FeedServer {
 #[derive(Debug)]
 pub(super) struct FeedStreamWorker {
     /// Pool of connections that read.
-    pub readers: SqlitePool,
+    readers: SqlitePool,
     /// Writer that acknowledges groups.
-    pub writer: Writer,
+    writer: Writer,
     /// Where feeds are published.
-    pub server: FeedServer,
+    server: FeedServer,
     /// Changes after commits that pushed groups.
-    pub groups: watch::Receiver<u64>,
+    groups: watch::Receiver<u64>,
     /// Changes after commits that changed the states of runs.
-    pub runs: watch::Receiver<u64>,
+    runs: watch::Receiver<u64>,
+    errors: FeedErrors,
 }
 
 /// Reason why a connection is not used any more.
@@ -68,7 +72,22 @@ impl From<NatsError> for FeedSessionEnd {
 /// Ids of the groups that each stream had when it was last read.
 type PublishedGroups = BTreeMap<String, BTreeSet<i64>>;
 
+/// Signals of commits that concern feeds.
+#[derive(Debug)]
+pub(super) struct FeedSignals {
+    /// Changes after commits that pushed groups.
+    pub groups: watch::Receiver<u64>,
+    /// Changes after commits that changed the states of runs.
+    pub runs: watch::Receiver<u64>,
+}
+
 impl FeedStreamWorker {
+    /// Creates a worker that has not started.
+    pub(super) fn new(readers: SqlitePool, writer: Writer, server: FeedServer, signals: FeedSignals) -> Self {
+        let FeedSignals { groups, runs } = signals;
+        Self { readers, writer, server, groups, runs, errors: FeedErrors::default() }
+    }
+
     /// Runs until the writer stops.
     pub(super) async fn run(mut self) {
         let mut published = PublishedGroups::new();
@@ -84,7 +103,13 @@ impl FeedStreamWorker {
                         "Feeds are not published while NATS is away; trainers can use HTTP."
                     );
                 }
-                FeedSessionEnd::Away(_) => {}
+                FeedSessionEnd::Away(error) => {
+                    if let Err(error) = self.show_in_policies(&error).await
+                        && ends_worker(&error, "the state of feeds could not be shown")
+                    {
+                        return;
+                    }
+                }
             }
             if let Err(error) = self.count_unpublished(&published).await
                 && ends_worker(&error.into(), "groups of feeds could not be counted")
@@ -102,7 +127,7 @@ impl FeedStreamWorker {
         is_away: &mut bool,
     ) -> Result<Infallible, FeedSessionEnd> {
         let connection = FeedConnection::open(&self.server.nats, &self.server.name).await?;
-        let interruption = connection.interruption();
+        let end = connection.end();
         let session = async {
             let mut session = FeedSession::start(self, &connection, published).await?;
             if std::mem::replace(is_away, false) {
@@ -111,9 +136,23 @@ impl FeedStreamWorker {
             session.run().await
         };
         tokio::select! {
-            () = interruption => Err(FeedSessionEnd::Away("the connection was interrupted".to_owned())),
+            error = end => Err(error.into()),
             ended = session => ended,
         }
+    }
+
+    /// Shows in the policies of runs why no feed is published, unless they show a reason already.
+    async fn show_in_policies(&mut self, reason: &str) -> Result<(), ServiceError> {
+        let rows = {
+            let mut conn = self.readers.acquire().await?;
+            feeds::delivered_by_nats(&mut conn).await?
+        };
+        for row in rows {
+            if !self.errors.is_shown(&row.run) {
+                self.errors.show(&self.writer, &row.run, Some(reason)).await?;
+            }
+        }
+        Ok(())
     }
 
     /// Counts the groups that wait while NATS is away.

@@ -20,7 +20,7 @@ use super::critique::CritiqueWorker;
 use super::delete_archived::ArchivedRunWorker;
 use super::design::DesignWorker;
 use super::evaluate::EvaluationWorker;
-use super::feed_stream::{FeedServer, FeedStreamWorker};
+use super::feed_stream::{FeedServer, FeedSignals, FeedStreamWorker};
 use super::prepare::PrepareWorker;
 use super::rollout::RolloutWorker;
 use super::{clock as clock_worker, delete_runs, expire, remote_workers, retention, revoke_connections};
@@ -148,13 +148,10 @@ impl WorkerConfig {
 
     /// Creates the worker that publishes trajectory feeds, if NATS is configured.
     fn feed_worker(&self) -> Option<FeedStreamWorker> {
-        Some(FeedStreamWorker {
-            readers: self.lease_service.readers.clone(),
-            writer: self.lease_service.writer.clone(),
-            server: self.feeds.clone()?,
-            groups: self.signals.feed.subscribe(),
-            runs: self.signals.run_states.subscribe(),
-        })
+        let LeaseService { readers, writer, .. } = &self.lease_service;
+        let signals =
+            FeedSignals { groups: self.signals.feed.subscribe(), runs: self.signals.run_states.subscribe() };
+        Some(FeedStreamWorker::new(readers.clone(), writer.clone(), self.feeds.clone()?, signals))
     }
 
     /// Creates the worker that checks the rules of alerts.

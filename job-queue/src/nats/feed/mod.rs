@@ -109,9 +109,9 @@ impl FeedConnection {
         Ok(Self { connection, context, cluster, server, servers, _presence })
     }
 
-    /// Returns a future that ends when the connection is interrupted.
-    pub fn interruption(&self) -> impl Future<Output = ()> + Send + use<> {
-        self.connection.interruption()
+    /// Returns a future that ends with the connection, with the reason.
+    pub fn end(&self) -> impl Future<Output = NatsError> + Send + use<> {
+        self.connection.end()
     }
 
     /// Opens the bucket with the states of runs, which is created if it does not exist.

@@ -33,7 +33,7 @@ pub(super) async fn run(shared: Arc<Shared>, mut due: UnboundedReceiver<Acker>) 
     let mut was_degraded = false;
     loop {
         let Err(error) = serve(&shared, &mut due, &mut was_degraded).await;
-        let problem = if matches!(error, NatsError::Rejected(_)) { "cannot be used" } else { "is away" };
+        let problem = if error.passes() { "is away" } else { "cannot be used" };
         let reason = format!("NATS at {} {problem}: {error}", shared.config.nats.url);
         *shared.link.lock() = Link::Down(reason);
         shared.registry.lock().stall_all();
@@ -52,14 +52,27 @@ fn announce(shared: &Shared, was_degraded: &mut bool) {
     }
 }
 
-/// Serves one connection until it is interrupted.
+/// Serves one connection until it ends.
 async fn serve(
     shared: &Arc<Shared>,
     due: &mut UnboundedReceiver<Acker>,
     was_degraded: &mut bool,
 ) -> Result<Infallible, NatsError> {
+    let connection = Connection::open(&shared.config.nats, "sparring serve").await?;
+    tokio::select! {
+        error = connection.end() => Err(error),
+        ended = serve_connection(shared, &connection, due, was_degraded) => ended,
+    }
+}
+
+/// Creates the streams, and passes on results and heartbeats.
+async fn serve_connection(
+    shared: &Arc<Shared>,
+    connection: &Connection,
+    due: &mut UnboundedReceiver<Acker>,
+    was_degraded: &mut bool,
+) -> Result<Infallible, NatsError> {
     let cluster = &shared.config.nats.cluster;
-    let mut connection = Connection::open(&shared.config.nats, "sparring serve").await?;
     let client = connection.client.clone();
     let context = jetstream::new(client.clone());
     let JobStreams { jobs, results } = streams::create(&context, cluster).await?;
@@ -77,7 +90,6 @@ async fn serve(
     let mut ticks = tokio::time::interval(TICK);
     loop {
         tokio::select! {
-            () = connection.interrupted() => return Err(NatsError::Failed("the connection was interrupted".to_owned())),
             message = results.next() => match message {
                 Some(Ok(message)) => shared.take_message(message, &objects),
                 Some(Err(error)) => return Err(NatsError::new("results cannot be read", error)),

@@ -88,7 +88,7 @@ pub enum WorkerError {
         "the server expelled this worker: {0}; check the memory and the processor of this machine, and that it runs the same version as the server"
     )]
     Expelled(String),
-    /// NATS rejects the credentials of the first connection.
+    /// NATS rejects the user of the first connection or its TLS, or does not permit what the worker needs.
     #[error(transparent)]
     Nats(NatsError),
     /// The system cannot create the threads.
@@ -138,8 +138,8 @@ impl WorkerProcess {
 /// Runs a worker until `stop` becomes true.
 ///
 /// # Errors
-/// Returns [`WorkerError`] if NATS rejects the first connection, if a server refuses or expels the worker, or if the threads cannot
-/// be started. While NATS is away, or no server answers, the worker waits.
+/// Returns [`WorkerError`] if NATS rejects the first connection or does not permit the jobs, if a server refuses or expels the worker,
+/// or if the threads cannot be started. While NATS is away, or no server answers, the worker waits.
 pub async fn run(config: WorkerConfig, mut stop: watch::Receiver<bool>) -> Result<(), WorkerError> {
     tracing::info!(nats = %config.nats.url, "The worker computes the version of its worlds, and then connects.");
     let world = tokio::select! {
@@ -182,8 +182,10 @@ pub(super) async fn run_in_world(
         match serve(&state, &mut stop, &mut link).await {
             Ok(()) => return Ok(()),
             Err(SessionEnd::Rejected(error)) => return Err(error),
-            // Credentials that were valid before may become valid again.
-            Err(SessionEnd::Interrupted(error @ NatsError::Rejected(_))) if link == LinkState::New => {
+            // Credentials that were valid may become valid again. Missing permissions stay missing.
+            Err(SessionEnd::Interrupted(error))
+                if matches!(error, NatsError::Denied(_)) || link == LinkState::New && !error.passes() =>
+            {
                 return Err(WorkerError::Nats(error));
             }
             Err(SessionEnd::Interrupted(error)) => {
@@ -231,7 +233,7 @@ async fn serve(
     stop: &mut watch::Receiver<bool>,
     link: &mut LinkState,
 ) -> Result<(), SessionEnd> {
-    let mut connection = tokio::select! {
+    let connection = tokio::select! {
         connection = Connection::open(&state.config.nats, "sparring worker") => connection?,
         () = stopped(stop) => return Ok(()),
     };
@@ -241,14 +243,13 @@ async fn serve(
     let control = client.subscribe(cluster.control(&state.id)).await;
     let mut control = control.map_err(|error| NatsError::new("answers cannot be read", error))?;
     let context = jetstream::new(client.clone());
+    let mut end = std::pin::pin!(connection.end());
     let mut takers = JoinSet::new();
     let mut ticks = tokio::time::interval(HEARTBEAT_INTERVAL);
     let mut silent = 0;
     loop {
         tokio::select! {
-            () = connection.interrupted() => {
-                return Err(NatsError::Failed("the connection was interrupted".to_owned()).into());
-            }
+            error = &mut end => return Err(error.into()),
             message = control.next() => {
                 let Some(message) = message else { return Err(NatsError::Failed("the answers ended".to_owned()).into()) };
                 match membership::read::<ControlMessage>(&message.payload) {

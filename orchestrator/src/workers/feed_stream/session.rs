@@ -14,7 +14,7 @@ use super::feed_round::{FeedRound, RoundError};
 use super::{FeedSessionEnd, FeedStreamWorker, PublishedGroups};
 use crate::engine::error::ServiceError;
 use crate::metrics;
-use crate::rollouts::settings::{SetPolicyError, settings_from_json};
+use crate::rollouts::settings::settings_from_json;
 use crate::workers::round_error::ends_worker;
 
 /// Interval between two questions for acknowledgements, while groups wait for them.
@@ -34,8 +34,6 @@ const FAILURE: &str = "feeds could not be published";
 struct FailedFeed {
     reason: String,
     retry_at: Instant,
-    /// True once the policy of the run shows the reason.
-    is_shown: bool,
 }
 
 /// Publishes over one connection.
@@ -139,8 +137,11 @@ impl<'a> FeedSession<'a> {
         }
         self.failed.retain(|run, _| !gone(run));
         self.published.retain(|run, _| !gone(run));
+        let is_wanted = |run: &str| wanted.iter().any(|settings| settings.run == run);
+        let worker = &mut *self.worker;
+        let retained = worker.errors.retain(&worker.writer, is_wanted).await;
         self.wanted = wanted;
-        Ok(())
+        go_on_after(retained)
     }
 
     /// Reads the states of all runs, and the settings of the feeds that NATS delivers.
@@ -175,6 +176,8 @@ impl<'a> FeedSession<'a> {
             match self.publish_feed(settings, is_poll).await {
                 Ok(left) => {
                     self.failed.remove(&run);
+                    let worker = &mut *self.worker;
+                    go_on_after(worker.errors.show(&worker.writer, &run, None).await)?;
                     self.has_more |= left > 0;
                     unpublished += left;
                 }
@@ -216,8 +219,7 @@ impl<'a> FeedSession<'a> {
     /// errors are shown when they come again, since most of them pass.
     async fn note_failure(&mut self, run: String, error: &FeedError) -> Result<(), FeedSessionEnd> {
         let reason = error.to_string();
-        let known = self.failed.get(&run).filter(|failed| failed.reason == reason);
-        let (is_known, was_shown) = (known.is_some(), known.is_some_and(|failed| failed.is_shown));
+        let is_known = self.failed.get(&run).is_some_and(|failed| failed.reason == reason);
         if !is_known && !matches!(error, FeedError::OutOfStep) {
             tracing::warn!(
                 run,
@@ -225,17 +227,20 @@ impl<'a> FeedSession<'a> {
                 "The feed of a run could not be published; the server tries again."
             );
         }
-        let is_shown = is_known || matches!(error, FeedError::OtherServer { .. } | FeedError::Copy { .. });
-        if is_shown && !was_shown {
-            let change = SetPolicyError { run: run.clone(), error: reason.clone() };
-            if let Err(error) = self.worker.writer.change(change).await
-                && ends_worker(&error, FAILURE)
-            {
-                return Err(FeedSessionEnd::Stopping);
-            }
+        if is_known || matches!(error, FeedError::OtherServer { .. } | FeedError::Copy { .. }) {
+            let worker = &mut *self.worker;
+            go_on_after(worker.errors.show(&worker.writer, &run, Some(&reason)).await)?;
         }
-        self.failed.insert(run, FailedFeed { reason, retry_at: Instant::now() + RETRY_PAUSE, is_shown });
+        self.failed.insert(run, FailedFeed { reason, retry_at: Instant::now() + RETRY_PAUSE });
         Ok(())
+    }
+}
+
+/// Ends the session if the writer stops. The log has other errors of changes.
+fn go_on_after(changed: Result<(), ServiceError>) -> Result<(), FeedSessionEnd> {
+    match changed {
+        Err(error) if ends_worker(&error, FAILURE) => Err(FeedSessionEnd::Stopping),
+        _ => Ok(()),
     }
 }
 

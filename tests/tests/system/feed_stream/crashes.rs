@@ -1,5 +1,6 @@
 //! Kills of the server and of NATS: no group is lost, and none is delivered twice to a consumer that acknowledged it.
 
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Instant;
 
@@ -13,10 +14,10 @@ const FORGOTTEN: Duration = Duration::from_secs(5);
 #[derive(Debug, Default)]
 struct UsedGroups {
     used: Vec<i64>,
-    /// When each of them was acknowledged.
-    used_at: Vec<Instant>,
-    /// Deliveries of groups that were acknowledged before.
-    repeated: Vec<i64>,
+    /// When NATS confirmed the acknowledgement of each of them.
+    confirmed_at: BTreeMap<i64, Instant>,
+    /// Times of confirmations before another delivery of their group.
+    repeated: Vec<(i64, Instant)>,
 }
 
 /// Receives groups one by one, and acknowledges each, until `stop` is set and no group arrives.
@@ -32,15 +33,17 @@ async fn train(context: Context, name: &str, stop: &AtomicBool, used: &AtomicUsi
         match received {
             Some(Ok(message)) => {
                 let id = id_of(&message);
-                if groups.used.contains(&id) {
-                    groups.repeated.push(id);
-                } else {
+                groups
+                    .repeated
+                    .extend(groups.confirmed_at.remove(&id).map(|confirmed_at| (id, confirmed_at)));
+                if !groups.used.contains(&id) {
                     groups.used.push(id);
-                    groups.used_at.push(Instant::now());
                     used.fetch_add(1, Ordering::SeqCst);
                 }
                 // An acknowledgement that is lost is repeated with the next delivery.
-                let _ = message.double_ack().await;
+                if message.double_ack().await.is_ok() {
+                    groups.confirmed_at.insert(id, Instant::now());
+                }
             }
             Some(Err(_)) => consumer = open_consumer(&context, name).await,
             None if stop.load(Ordering::SeqCst) => return groups,
@@ -93,9 +96,8 @@ async fn kills_lose_no_group_and_repeat_none() {
         assert_eq!(groups.used, (1..=total).collect::<Vec<_>>(), "each group once, in order");
         // NATS writes acknowledgements a moment after it confirms them, so that a kill forgets the latest ones. The server
         // has removed all earlier groups.
-        for id in groups.repeated {
-            let used_at = groups.used_at[usize::try_from(id - 1).unwrap()];
-            let is_latest = |kill: &Instant| used_at < *kill && *kill - used_at < FORGOTTEN;
+        for (id, confirmed_at) in groups.repeated {
+            let is_latest = |kill: &Instant| confirmed_at < *kill && *kill - confirmed_at < FORGOTTEN;
             assert!(
                 killed_at.iter().any(is_latest),
                 "group {id} was acknowledged long before each kill of NATS"

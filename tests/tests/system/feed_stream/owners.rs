@@ -88,8 +88,9 @@ async fn copy_of_a_database_does_not_publish_beside_it() {
 
     // Without the first server, the copy is the database that moved to another place.
     first.kill();
-    wait_until("the copy publishes", async || {
-        owner_of(&context, STREAM).await.is_some_and(|server| server != owner)
+    wait_until("the copy publishes, and says so", async || {
+        let is_owner = owner_of(&context, STREAM).await.is_some_and(|server| server != owner);
+        is_owner && last_error(&second).await.is_empty()
     })
     .await;
     let _ = put_policy(&second.api(), "run", delivered(4)).await.expect(200);
@@ -115,7 +116,26 @@ async fn policy_says_why_groups_are_not_published() {
     create_run(&server.api(), "run", json!({"group_size": 8})).await;
     let _ = put_policy(&server.api(), "run", delivered(64)).await.expect(200);
     wait_until("the policy says that NATS has no place", async || {
-        last_error(&server).await.contains("insufficient")
+        last_error(&server).await.contains("the feed is not published: ")
     })
     .await;
+    assert!(last_error(&server).await.contains("insufficient"), "{}", last_error(&server).await);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn policy_shows_an_outage_of_nats_until_it_ends() {
+    let Some(mut nats) = NatsServer::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let server = start(&folder.path().join("db.sqlite3"), &nats, &[]);
+    let context = context_of(&nats).await;
+    create_run(&server.api(), "run", json!({})).await;
+    let _ = put_policy(&server.api(), "run", delivered(2)).await.expect(200);
+    wait_until("the groups are published", async || messages_of(&context, STREAM).await == Some(2)).await;
+    nats.kill();
+    wait_until("the policy says that NATS is away", async || {
+        last_error(&server).await.contains("the feed is not published: NATS cannot be reached")
+    })
+    .await;
+    nats.resume();
+    wait_until("the policy shows no error", async || last_error(&server).await.is_empty()).await;
 }

@@ -3,6 +3,7 @@
 use std::process::{Child, Command, Stdio};
 
 use system_tests::nats_server::NatsServer;
+use system_tests::worker_cluster::WorkerProcess;
 use system_tests::{ServerProcess, TlsFiles, sparring_binary, wait_until};
 
 use super::secure_nats::{SecureNats, as_strs};
@@ -48,6 +49,11 @@ fn invalid_settings_of_nats_end_the_commands() {
             assert!(stderr.contains(reason), "{command} {options:?}: {stderr}");
         }
     }
+    for option in ["--nats-creds", "--nats-ca", "--nats-name"] {
+        let (code, stderr) = run("serve", &["--temporary", option, "name"]);
+        assert_eq!(code, Some(2), "{stderr}");
+        assert!(stderr.contains("--nats <URL>"), "{stderr}");
+    }
     for (options, reason) in [
         (&["--nats", url, "--host", ""][..], "1 to 64 characters"),
         (&["--nats", url, "--host", "two\nlines"], "none of them a control character"),
@@ -70,24 +76,82 @@ async fn rejected_credentials_are_named() {
     let server = ServerProcess::start_with_options(&folder.path().join("db.sqlite3"), &as_strs(&options));
     wait_until("the server names the credentials", async || {
         let reason = reason(&server).await;
-        reason.contains("cannot be used: NATS rejects this program") && reason.contains("--nats-creds")
+        reason.contains("cannot be used: NATS rejects this user") && reason.contains("--nats-creds")
     })
     .await;
     let (code, stderr) = run("worker", &as_strs(&options));
     assert_eq!(code, Some(2), "{stderr}");
-    assert!(stderr.contains("NATS rejects this program") && stderr.contains("--nats-creds"), "{stderr}");
+    assert!(stderr.contains("NATS rejects this user") && stderr.contains("--nats-creds"), "{stderr}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn certificate_authorities_require_tls() {
-    let Some(nats) = NatsServer::start() else { return };
-    let tls = TlsFiles::create();
-    let ca = tls.path("ca.pem").display().to_string();
+async fn keys_without_permissions_are_named() {
+    let Some(nats) = SecureNats::start() else { return };
     let folder = tempfile::tempdir().unwrap();
-    let options = ["--nats", &nats.url(), "--nats-ca", &ca];
+    let start = |name: &str, user: &str| {
+        ServerProcess::start_with_options(&folder.path().join(name), &as_strs(&nats.options(user)))
+    };
+    let _server = start("db.sqlite3", "SERVER");
+    // A worker without --jobs takes jobs that a key for designs may not take; a trainer may not even send heartbeats.
+    for (user, denied) in [("DESIGN_WORKER", "SPARRING_default_JOBS."), ("TRAINER", "sparring.default.")] {
+        let (code, stderr) = run("worker", &as_strs(&nats.options(user)));
+        assert_eq!(code, Some(2), "{user}: {stderr}");
+        assert!(
+            stderr.contains("NATS does not permit this user") && stderr.contains(denied),
+            "{user}: {stderr}"
+        );
+    }
+    let other = start("other.sqlite3", "WORKER");
+    wait_until("the server names its permissions", async || {
+        reason(&other).await.contains("cannot be used: NATS does not permit this user")
+    })
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn user_and_password_of_a_url_are_used() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("nats.conf");
+    std::fs::write(&config, "authorization { user: team, password: secret }").unwrap();
+    let Some(nats) = NatsServer::start_with(Some(config), Vec::new()) else { return };
+    let url = |user: &str| nats.url().replace("//", &format!("//{user}@"));
+    let server = ServerProcess::start_with_options(
+        &folder.path().join("db.sqlite3"),
+        &["--nats", &url("team:secret")],
+    );
+    let _worker = WorkerProcess::start_with_options(&["--nats", &url("team:secret")]);
+    wait_until("the worker joins", async || {
+        server.api().get("/v1/workers").await.expect(200)["workers"][0]["state"] == "active"
+    })
+    .await;
+    let (code, stderr) = run("worker", &["--nats", &url("team:wrong")]);
+    assert_eq!(code, Some(2), "{stderr}");
+    assert!(stderr.contains("NATS rejects this user") && !stderr.contains("wrong"), "{stderr}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn errors_of_tls_say_what_to_set() {
+    let (Some(plain), Some(secure)) = (NatsServer::start(), SecureNats::start()) else { return };
+    let other = TlsFiles::create();
+    let ca = other.path("ca.pem").display().to_string();
+    let tls_url = plain.url().replace("nats://", "tls://");
+    let mut wrong_authority = secure.options("SERVER");
+    let place = wrong_authority.iter().position(|option| option == "--nats-ca").unwrap() + 1;
+    wrong_authority[place].clone_from(&ca);
+    for (options, reason) in [
+        (vec!["--nats", &plain.url(), "--nats-ca", &ca], "the NATS server has no TLS"),
+        (vec!["--nats", &tls_url], "the NATS server has no TLS"),
+        (as_strs(&wrong_authority), "set --nats-ca to the authority"),
+    ] {
+        let (code, stderr) = run("worker", &options);
+        assert_eq!(code, Some(2), "{options:?}: {stderr}");
+        assert!(stderr.contains(reason), "{options:?}: {stderr}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let options = ["--nats", &plain.url(), "--nats-ca", &ca];
     let server = ServerProcess::start_with_options(&folder.path().join("db.sqlite3"), &options);
     wait_until("the server refuses a connection without TLS", async || {
-        reason(&server).await.contains("cannot be reached by TLS")
+        reason(&server).await.contains("cannot be used: the NATS server has no TLS")
     })
     .await;
 }
