@@ -58,7 +58,8 @@ pub enum NatsError {
 impl NatsError {
     /// Describes a failed step.
     pub(crate) fn new(step: &str, error: impl std::fmt::Display) -> Self {
-        Self::Failed(format!("{step}: {error}"))
+        let text = error.to_string();
+        Self::Failed(format!("{step}: {}", without_repetition(&text)))
     }
 
     /// Describes a failed attempt to connect.
@@ -84,6 +85,12 @@ impl NatsError {
     pub const fn passes(&self) -> bool {
         matches!(self, Self::Failed(_))
     }
+}
+
+/// Removes the repetition of an error that the client appends to itself, as in "no space: no space".
+fn without_repetition(text: &str) -> &str {
+    let halves = text.match_indices(": ").map(|(at, separator)| (&text[..at], &text[at + separator.len()..]));
+    halves.into_iter().find(|(first, second)| first == second).map_or(text, |(first, _)| first)
 }
 
 /// State of a connection.
@@ -179,6 +186,19 @@ fn with_credentials(options: ConnectOptions, file: &Path) -> Result<ConnectOptio
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn repeated_errors_are_shown_once() {
+        for (text, shown) in [
+            ("no space: no space", "no space"),
+            ("a: b: a: b", "a: b"),
+            ("timed out", "timed out"),
+            ("a: b", "a: b"),
+            ("", ""),
+        ] {
+            assert_eq!(without_repetition(text), shown);
+        }
+    }
 
     #[test]
     fn only_denials_of_what_is_needed_end_a_connection() {

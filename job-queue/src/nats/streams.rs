@@ -79,10 +79,15 @@ pub(crate) struct JobStreams {
 /// Creates a stream, or updates its settings. Returns it with its current state.
 pub(crate) async fn upsert(context: &Context, config: Config) -> Result<Stream, NatsError> {
     let name = config.name.clone();
-    let step = || format!("the stream {name} cannot be created (NATS needs JetStream: `nats-server -js`)");
-    let updated = context.create_or_update_stream(config).await;
-    updated.map_err(|error| NatsError::new(&step(), error))?;
-    context.get_stream(&name).await.map_err(|error| NatsError::new(&step(), error))
+    let failed = |error: &dyn std::fmt::Display| {
+        // A server without JetStream does not answer.
+        let has_no_answer =
+            error.to_string().contains("timed out") || error.to_string().contains("no responders");
+        let hint = if has_no_answer { " (NATS needs JetStream: `nats-server -js`)" } else { "" };
+        NatsError::new(&format!("the stream {name} cannot be created{hint}"), error)
+    };
+    context.create_or_update_stream(config).await.map_err(|error| failed(&error))?;
+    context.get_stream(&name).await.map_err(|error| failed(&error))
 }
 
 /// Returns the consumer of the results for a server.
