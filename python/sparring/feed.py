@@ -62,7 +62,8 @@ def nats(
     """Opens the feed of a run for a trainer that blocks.
 
     Args:
-        server: Address of the NATS server, such as nats://127.0.0.1:4222.
+        server: Address of the NATS server, such as nats://127.0.0.1:4222 or tls://nats.example.com; several of a cluster with
+            commas between them.
         run: Id of the run, with its shard if it has one; its policy needs `"delivery": "nats"`.
         consumer: Name of the durable consumer. Trainers with the same name share the groups.
         cluster: Name of the servers (`sparring serve --nats-name`).
@@ -70,9 +71,9 @@ def nats(
         ca_file: File with the certificate authorities of the NATS server, in PEM. With it, or with an address tls://, the
             connection is encrypted, or fails.
         idle_s: Ends the iteration after so many seconds without a group; None waits for ever.
-        ack_wait_s: Time after which NATS delivers the group of a dead trainer again, in seconds, at most 31 536 000 (a year).
+        ack_wait_s: Time after which NATS delivers the group of a dead trainer again, 1 to 31 536 000 seconds (a year).
             While this process lives, it keeps its group.
-        forget_after_s: Time without this trainer after which NATS forgets the consumer, in seconds, at most 31 536 000 (a year).
+        forget_after_s: Time without this trainer after which NATS forgets the consumer, 1 to 31 536 000 seconds (a year).
             Until then, groups wait for it, and the feed fills up.
 
     Raises:

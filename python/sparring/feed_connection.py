@@ -35,9 +35,7 @@ class NatsConnection(Client):
         self._arguments = connection_options(server, credentials, ca_file)
         self._credentials = credentials
         self._has_password = any("@" in address for address in self._arguments["servers"])
-        self._requires_tls = ca_file is not None or any(
-            address.startswith(("tls://", "wss://")) for address in self._arguments["servers"]
-        )
+        self._requires_tls = ca_file is not None or any(address.startswith("tls://") for address in self._arguments["servers"])
         self._is_open = self._raises = False
         self._failure: Exception | None = None
         if credentials is not None:
@@ -55,9 +53,12 @@ class NatsConnection(Client):
         self._is_open, self._raises, self._failure = True, False, None
 
     async def close(self) -> None:
-        """Disconnects, within `CLOSE_S`: after a failed TLS handshake, nats-py waits for the end of a connection without end."""
+        """Disconnects, within `CLOSE_S`: after a failed TLS handshake, nats-py waits for the end of a connection without end.
+
+        It does nothing if the connection was not begun, which nats-py would report with an AssertionError.
+        """
         self._raises = False
-        with contextlib.suppress(asyncio.TimeoutError):
+        with contextlib.suppress(asyncio.TimeoutError, AssertionError):
             await asyncio.wait_for(super().close(), CLOSE_S)
 
     def explain(self, error: Exception) -> str:
@@ -115,9 +116,6 @@ class NatsConnection(Client):
             raise SecureConnWantedError
 
     def _is_encrypted(self) -> bool:
-        server: Any = self._current_server
-        if server is not None and server.uri.scheme == "wss":
-            return True
         writer = getattr(self._transport, "_io_writer", None)
         return writer is not None and writer.get_extra_info("ssl_object") is not None
 

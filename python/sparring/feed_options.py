@@ -10,11 +10,14 @@ import re
 import ssl
 from pathlib import Path
 from typing import Any
+from urllib.parse import SplitResult, urlsplit
 
 from .errors import invalid
 
 #: Beginning of the subjects of replies: `deploy/nats.conf` allows no others to a trainer.
 INBOX_PREFIX = "_INBOX_TRAINER"
+#: Shortest `ack_wait_s` and `forget_after_s`, seconds: shorter ones end while messages are on their way.
+MIN_DURATION_S = 1
 #: Longest `ack_wait_s` and `forget_after_s`, seconds: a year. NATS stores durations as nanoseconds in 64 bits.
 MAX_DURATION_S = 31_536_000
 #: Pattern and description of each name.
@@ -44,11 +47,10 @@ def check_options(server: str, names: dict[str, str], durations: dict[str, float
         pattern, description = NAMES[name]
         if not isinstance(value, str) or not re.fullmatch(pattern, value):
             raise invalid(name, description, value)
-    if not isinstance(server, str) or not re.match("(nats|tls|ws|wss)://.", server):
-        raise invalid("server", "an address such as nats://127.0.0.1:4222", server)
+    _check_server(server)
     for name, seconds in durations.items():
-        if not _is_number(seconds) or not 0 < seconds <= MAX_DURATION_S:
-            raise invalid(name, f"a number of seconds > 0, at most {MAX_DURATION_S} (a year)", seconds)
+        if not _is_number(seconds) or not MIN_DURATION_S <= seconds <= MAX_DURATION_S:
+            raise invalid(name, f"a number of seconds from {MIN_DURATION_S} to {MAX_DURATION_S} (a year)", seconds)
 
 
 def check_idle(idle_s: float | None) -> None:
@@ -83,6 +85,50 @@ def connection_options(
     if ca_file is not None:
         options["tls"] = _trust(ca_file)
     return options
+
+
+def _check_server(server: str) -> None:
+    """Checks each of the addresses of a NATS server, which have commas between them.
+
+    Raises:
+        ValueError: An address is invalid; the message does not show users and passwords.
+    """
+    expected = "an address such as nats://127.0.0.1:4222 or tls://nats.example.com"
+    if not isinstance(server, str):
+        raise invalid("server", expected, server)
+    for address in server.split(","):
+        fault = _address_fault(address.strip())
+        if fault is not None:
+            raise invalid("server", f"{expected} ({fault})", re.sub("//.*@", "//…@", server, flags=re.DOTALL))
+
+
+def _address_fault(address: str) -> str | None:
+    """Returns why an address is invalid, or None. It does not use the errors of `urllib`, which can show a password."""
+    if not address:
+        return "an address is missing"
+    if not re.match("(nats|tls)://", address):
+        return "it must begin with nats:// or tls://"
+    try:
+        parts = urlsplit(address)
+    except ValueError:
+        return "the host is invalid"
+    if re.search(r"\s", address):
+        return "it must have no spaces"
+    if not _is_port(parts):
+        return "the port must be a number from 1 to 65535"
+    if not parts.hostname:
+        return "the host is missing"
+    if parts.path not in ("", "/") or parts.query or parts.fragment:
+        return "it must end after the port"
+    return None
+
+
+def _is_port(parts: SplitResult) -> bool:
+    """Returns True if an address has no port, or one that is valid."""
+    try:
+        return parts.port != 0
+    except ValueError:
+        return False
 
 
 def _is_number(value: object) -> bool:

@@ -3,7 +3,7 @@
 import pytest
 
 import sparring
-from sparring.feed_options import MAX_DURATION_S, stream_name
+from sparring.feed_options import MAX_DURATION_S, MIN_DURATION_S, stream_name
 
 URL = "nats://127.0.0.1:1"
 #: Seed of an nkey from the documentation of NATS.
@@ -40,15 +40,14 @@ def test_invalid_id_of_a_run_is_rejected(run):
 @pytest.mark.parametrize(
     ("argument", "value", "requirement"),
     [
-        ("server", "http://127.0.0.1:8700", "an address such as nats://"),
         ("consumer", "a.b", r"1 to 64 letters, digits, `-` or `_`, got 'a\.b'"),
         ("cluster", "c" * 33, "1 to 32 letters"),
         ("idle_s", 0, "a number of seconds > 0, or None"),
         ("idle_s", float("nan"), "a number of seconds > 0, or None"),
         *(
-            (argument, value, f"a number of seconds > 0, at most {MAX_DURATION_S}")
+            (argument, value, f"a number of seconds from {MIN_DURATION_S} to {MAX_DURATION_S}")
             for argument in ("ack_wait_s", "forget_after_s")
-            for value in (0, -1.0, 1e300, float("inf"), float("nan"), 10**400, True, "30", None, MAX_DURATION_S + 1)
+            for value in (0, -1.0, 1e-9, 0.99, 1e300, float("inf"), float("nan"), 10**400, True, "30", None, MAX_DURATION_S + 1)
         ),
     ],
 )
@@ -56,6 +55,45 @@ def test_invalid_argument_is_named(argument, value, requirement):
     arguments = {"server": URL, "run": "my-run", argument: value}
     with pytest.raises(ValueError, match=f"^`{argument}` must be {requirement}"):
         sparring.feed.nats(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("server", "fault"),
+    [
+        ("", "an address is missing"),
+        ("nats://a,", "an address is missing"),
+        ("127.0.0.1:4222", "it must begin with nats:// or tls://"),
+        ("http://127.0.0.1:8700", "it must begin with nats:// or tls://"),
+        ("ws://127.0.0.1:4222", "it must begin with nats:// or tls://"),
+        ("tls://a,wss://b", "it must begin with nats:// or tls://"),
+        ("nats://[::1", "the host is invalid"),
+        ("nats://", "the host is missing"),
+        ("nats://:4222", "the host is missing"),
+        ("nats://::1", "the port must be a number from 1 to 65535"),
+        ("nats://a b", "it must have no spaces"),
+        ("nats://a\n", None),
+        ("nats://127.0.0.1:0", "the port must be a number from 1 to 65535"),
+        ("nats://127.0.0.1:99999", "the port must be a number from 1 to 65535"),
+        ("nats://a:1,nats://b:abc", "the port must be a number from 1 to 65535"),
+        ("nats://a:1/b", "it must end after the port"),
+        ("nats://a?tls=1", "it must end after the port"),
+        ("nats://a,nats://b:1 , tls://u:p@[::1]:4222", None),
+    ],
+)
+def test_each_address_is_checked(server, fault):
+    pytest.importorskip("nats")
+    if fault is None:
+        sparring.feed.AsyncNatsFeed(server, "my-run")
+        return
+    with pytest.raises(ValueError, match=rf"^`server` must be an address such as nats://\S+ or tls://\S+ \({fault}\), got '"):
+        sparring.feed.nats(server, "my-run")
+
+
+@pytest.mark.parametrize("server", [f"nats://user:{password}@a:b" for password in ("pw", "pw#pw", "pw/pw", "pw,pw", "pw@pw")])
+def test_invalid_address_is_shown_without_password(server):
+    with pytest.raises(ValueError, match=r"^`server` must be .* got 'nats://…@a:b'$") as error:
+        sparring.feed.nats(server, "my-run")
+    assert "pw" not in str(error.value)
 
 
 @pytest.mark.parametrize("argument", ["credentials", "ca_file"])
