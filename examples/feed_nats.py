@@ -14,6 +14,7 @@ import argparse
 import asyncio
 import json
 import os
+import ssl
 import statistics
 import urllib.error
 import urllib.request
@@ -75,8 +76,9 @@ async def read_group(js, stream, message):
 
 
 async def train(args):
+    trust = ssl.create_default_context(cafile=args.ca_file) if args.ca_file else None
     # A key for trainers may only use replies of this prefix (deploy/nats.conf).
-    client = await nats.connect(args.nats, inbox_prefix="_INBOX_TRAINER", nkeys_seed=args.nkey)
+    client = await nats.connect(args.nats, inbox_prefix="_INBOX_TRAINER", nkeys_seed=args.nkey, tls=trust)
     js, stream = client.jetstream(), stream_of(args.nats_name, args.run)
     subscription = await open_consumer(js, stream, args.consumer)
     learned, useful = set(), 0
@@ -106,6 +108,7 @@ def main():
     parser.add_argument("--nats", default="nats://127.0.0.1:4222", help="address of the NATS server (%(default)s)")
     parser.add_argument("--nats-name", default="default", help="name of the servers on NATS (%(default)s)")
     parser.add_argument("--nkey", default=None, help="file with the seed of an nkey, if NATS requires one")
+    parser.add_argument("--ca-file", default=None, help="PEM file with the certificate authority of NATS, if it is not public")
     parser.add_argument("--run", default="my-run", help="id of the run, which is created if it does not exist (%(default)s)")
     parser.add_argument("--consumer", default="trainer", help="name of the durable consumer (%(default)s)")
     parser.add_argument("--groups", type=int, default=40, help="number of groups to receive (%(default)s)")

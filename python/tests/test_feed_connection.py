@@ -1,12 +1,16 @@
 """Connections of feeds to real NATS servers: TLS, users and permissions."""
 
+import argparse
 import asyncio
+import importlib.util
+import json
 import socket
 import threading
 import time
 
 import pytest
 import trustme
+from documents import ROOT
 from nats_server import NatsServer, needs_nats
 
 import sparring
@@ -83,6 +87,33 @@ def test_tls_needs_the_authority_of_the_server(files, tmp_path):
             open_nowhere(nats.url)
         with pytest.raises(FeedError, match=r"the certificate of NATS is not valid here \(.+\): set `ca_file`"):
             open_nowhere(f"nats://localhost:{nats.port}", ca_file=files / "ca.pem")
+
+
+def test_example_trains_with_an_authority_of_its_own(files, tmp_path, capsys):
+    spec = importlib.util.spec_from_file_location("feed_nats", ROOT / "examples/feed_nats.py")
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+
+    async def train(args):
+        connection = feed_connection.NatsConnection(args.nats, None, args.ca_file)
+        await connection.open()
+        js = connection.jetstream()
+        await js.add_stream(name=example.stream_of(args.nats_name, args.run), subjects=["feed"])
+        group = {"id": 7, "task": "kessler/survival", "policy_version": 1, "episodes": [{"score": 1.0, "steps": []}]}
+        await js.publish("feed", json.dumps(group).encode())
+        await connection.close()
+        await example.train(args)
+
+    with NatsServer(tmp_path, *tls_flags(files)) as nats:
+        options = {"nats_name": "default", "nkey": None, "consumer": "trainer", "groups": 1}
+        asyncio.run(train(argparse.Namespace(nats=nats.url, run="east.my-run", ca_file=files / "ca.pem", **options)))
+    assert capsys.readouterr().out == "group    7 kessler/survival version 1\n1 groups, 0 actions with an advantage\n"
+
+
+def test_unusable_connection_can_be_closed():
+    with pytest.raises(FeedError, match="invalid hostname in connect url"):
+        open_nowhere("nats://none")
+    asyncio.run(sparring.feed.AsyncNatsFeed("nats://127.0.0.1:1", "nowhere").close())
 
 
 def test_next_connection_needs_tls_too(files, tmp_path):
