@@ -75,10 +75,17 @@ async def read_group(js, stream, message):
     return json.loads((await bucket.get(name)).data)
 
 
+async def end_without_trust(error):
+    """Ends the program if the certificate of NATS is not valid: the client would try again for ever."""
+    if isinstance(error, ssl.SSLCertVerificationError):
+        raise SystemExit(f"the certificate of NATS is not valid here ({error.verify_message}): set --ca-file")
+
+
 async def train(args):
     trust = ssl.create_default_context(cafile=args.ca_file) if args.ca_file else None
     # A key for trainers may only use replies of this prefix (deploy/nats.conf).
-    client = await nats.connect(args.nats, inbox_prefix="_INBOX_TRAINER", nkeys_seed=args.nkey, tls=trust)
+    options = {"inbox_prefix": "_INBOX_TRAINER", "nkeys_seed": args.nkey, "tls": trust, "error_cb": end_without_trust}
+    client = await nats.connect(args.nats, **options)
     js, stream = client.jetstream(), stream_of(args.nats_name, args.run)
     subscription = await open_consumer(js, stream, args.consumer)
     learned, useful = set(), 0

@@ -3,8 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-pub use job_queue::nats::NatsUrl;
-use job_queue::nats::{ClusterName, NatsConfig};
+use job_queue::nats::{ClusterName, NatsConfig, NatsUrl};
 use rustls::pki_types::CertificateDer;
 use rustls::pki_types::pem::PemObject;
 
@@ -15,7 +14,7 @@ pub struct NatsArgs {
     /// URL of a NATS server with JetStream, such as nats://10.0.0.5:4222 or tls://nats.example.com; several with commas between
     /// them
     #[arg(long, value_name = "URL", env = "SPARRING_NATS", hide_env_values = true)]
-    nats: NatsUrl,
+    nats: String,
     #[command(flatten)]
     account: NatsAccountArgs,
 }
@@ -25,11 +24,11 @@ pub struct NatsArgs {
 #[command(next_help_heading = "NATS")]
 pub struct NatsAccountArgs {
     /// File with the credentials of a NATS account (.creds) or the seed of an nkey (SU…), if the NATS server requires one
-    #[arg(long, value_name = "FILE", env = "SPARRING_NATS_CREDS", hide_env_values = true, requires = "nats")]
+    #[arg(long, value_name = "FILE", env = "SPARRING_NATS_CREDS", hide_env_values = true)]
     nats_creds: Option<PathBuf>,
     /// File with the certificate authorities of the NATS server, in PEM; the connection is then always encrypted (default: the
     /// authorities of the system, for tls:// and servers that require TLS)
-    #[arg(long, value_name = "FILE", env = "SPARRING_NATS_CA", hide_env_values = true, requires = "nats")]
+    #[arg(long, value_name = "FILE", env = "SPARRING_NATS_CA", hide_env_values = true)]
     nats_ca: Option<PathBuf>,
     /// Name under which servers and workers find each other: letters, digits, `-` and `_`
     #[arg(
@@ -37,8 +36,7 @@ pub struct NatsAccountArgs {
         value_name = "NAME",
         env = "SPARRING_NATS_NAME",
         hide_env_values = true,
-        default_value = "default",
-        requires = "nats"
+        default_value = "default"
     )]
     nats_name: ClusterName,
 }
@@ -54,13 +52,25 @@ impl NatsArgs {
 }
 
 impl NatsAccountArgs {
-    /// Returns the configuration of a connection to a URL.
+    /// Returns the first option that is set, without its default; none needs a connection then.
+    #[must_use]
+    pub fn first_option(&self) -> Option<&'static str> {
+        let options = [
+            ("--nats-creds", self.nats_creds.is_some()),
+            ("--nats-ca", self.nats_ca.is_some()),
+            ("--nats-name", self.nats_name != ClusterName::default()),
+        ];
+        options.into_iter().find(|(_, is_set)| *is_set).map(|(option, _)| option)
+    }
+
+    /// Returns the configuration of a connection to a URL. Errors do not repeat the URL, which may have a password.
     ///
     /// # Errors
-    /// Returns an error if the file of an option cannot be used.
-    pub fn config(&self, url: &NatsUrl) -> anyhow::Result<NatsConfig> {
+    /// Returns an error if the URL is invalid, or if the file of an option cannot be used.
+    pub fn config(&self, url: &str) -> anyhow::Result<NatsConfig> {
+        let url: NatsUrl = url.parse().context("--nats")?;
         let config = NatsConfig {
-            url: url.clone(),
+            url,
             credentials: self.nats_creds.clone(),
             authorities: self.nats_ca.clone(),
             cluster: self.nats_name.clone(),

@@ -168,7 +168,7 @@ fn end_after(event: &Event, cluster: &ClusterName) -> Option<ConnectionEnd> {
 /// True if NATS denied a subject or a stream of the cluster. The first large message creates its bucket, if its sender may.
 fn is_denial(text: &str, cluster: &ClusterName) -> bool {
     let is_needed = text.contains(&format!("sparring.{cluster}."))
-        || text.contains(&format!(".SPARRING_{cluster}_")) && !text.contains(".OBJ_");
+        || text.contains(&format!("SPARRING_{cluster}_")) && !text.contains("OBJ_");
     text.to_lowercase().starts_with("permissions violation") && is_needed
 }
 
@@ -208,6 +208,7 @@ mod tests {
             "Permissions Violation for Publish to \"$JS.API.CONSUMER.INFO.SPARRING_team_JOBS.audit\""
         ));
         assert!(denied("Permissions Violation for Publish to \"sparring.team.workers.a\""));
+        assert!(denied("Permissions Violation for Publish to \"$JS.API.STREAM.INFO.KV_SPARRING_team_RUNS\""));
         assert!(denied("permissions violation for subscription to \"sparring.team.control.a\""));
         for other in [
             "Permissions Violation for Publish to \"$JS.API.STREAM.CREATE.OBJ_SPARRING_team_JOBS\"",

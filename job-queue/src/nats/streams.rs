@@ -81,8 +81,9 @@ pub(crate) async fn upsert(context: &Context, config: Config) -> Result<Stream, 
     let name = config.name.clone();
     let failed = |error: &dyn std::fmt::Display| {
         // A server without JetStream does not answer.
-        let has_no_answer =
-            error.to_string().contains("timed out") || error.to_string().contains("no responders");
+        let has_no_answer = error.to_string().contains("timed out")
+            || error.to_string().contains("no responders")
+            || error.to_string().contains("unavailable");
         let hint = if has_no_answer { " (NATS needs JetStream: `nats-server -js`)" } else { "" };
         NatsError::new(&format!("the stream {name} cannot be created{hint}"), error)
     };

@@ -90,6 +90,9 @@ impl Change for SetPolicy {
         }
         let settings = to_json(&self.settings)?;
         run_policies::put(run.conn, self.run.as_str(), &self.policy, version, &settings, run.now).await?;
+        if self.settings.delivery == FeedDelivery::Http {
+            run_policies::clear_error(run.conn, self.run.as_str(), FEED_ERROR).await?;
+        }
         run.outbox.signal(Signal::Rollout);
         run.outbox.signal(Signal::RunStates);
         Ok(())

@@ -98,10 +98,7 @@ impl FeedStreamWorker {
                 FeedSessionEnd::Stopping => return,
                 // The queue of jobs has the reason of each interruption in its status.
                 FeedSessionEnd::Away(error) if !std::mem::replace(&mut is_away, true) => {
-                    tracing::warn!(
-                        error,
-                        "Feeds are not published while NATS is away; trainers can use HTTP."
-                    );
+                    tracing::warn!(error, "Feeds are not published; trainers can use HTTP.");
                 }
                 FeedSessionEnd::Away(error) => {
                     if let Err(error) = self.show_in_policies(&error).await
@@ -141,16 +138,15 @@ impl FeedStreamWorker {
         }
     }
 
-    /// Shows in the policies of runs why no feed is published, unless they show a reason already.
+    /// Shows in the policies of runs why no feed is published.
     async fn show_in_policies(&mut self, reason: &str) -> Result<(), ServiceError> {
         let rows = {
             let mut conn = self.readers.acquire().await?;
             feeds::delivered_by_nats(&mut conn).await?
         };
+        self.errors.retain(&self.writer, |run| rows.iter().any(|row| row.run == run)).await?;
         for row in rows {
-            if !self.errors.is_shown(&row.run) {
-                self.errors.show(&self.writer, &row.run, Some(reason)).await?;
-            }
+            self.errors.show(&self.writer, &row.run, Some(reason)).await?;
         }
         Ok(())
     }

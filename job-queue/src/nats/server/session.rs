@@ -23,6 +23,8 @@ use crate::status::QueueNotice;
 
 /// Pause before the next attempt to connect.
 const RETRY_PAUSE: Duration = Duration::from_secs(1);
+/// Pause after an error of the settings, which an operator must mend.
+const SETTINGS_PAUSE: Duration = Duration::from_secs(5);
 /// Interval between two searches for lost jobs and stalled workers.
 const TICK: Duration = Duration::from_millis(500);
 /// Largest heartbeat of a worker, in bytes.
@@ -39,7 +41,7 @@ pub(super) async fn run(shared: Arc<Shared>, mut due: UnboundedReceiver<Acker>) 
         shared.registry.lock().stall_all();
         shared.pending.take_all_back();
         announce(&shared, &mut was_degraded);
-        tokio::time::sleep(RETRY_PAUSE).await;
+        tokio::time::sleep(if error.passes() { RETRY_PAUSE } else { SETTINGS_PAUSE }).await;
     }
 }
 

@@ -249,7 +249,7 @@ async fn serve(
     let mut silent = 0;
     loop {
         tokio::select! {
-            error = &mut end => return Err(error.into()),
+            error = &mut end => return Err(end_session(state, &client, error).await),
             message = control.next() => {
                 let Some(message) = message else { return Err(NatsError::Failed("the answers ended".to_owned()).into()) };
                 match membership::read::<ControlMessage>(&message.payload) {
@@ -285,13 +285,25 @@ async fn serve(
             () = stopped(stop) => {
                 takers.shutdown().await;
                 finish_jobs(state).await;
-                // A server that misses it notices the missing heartbeats.
-                let _ = send_heartbeat(state, &client, WorkerPhase::Leaving).await;
-                let _ = client.flush().await;
+                leave(state, &client).await;
                 return Ok(());
             }
         }
     }
+}
+
+/// Ends a session. A worker without permissions leaves.
+async fn end_session(state: &WorkerProcess, client: &Client, error: NatsError) -> SessionEnd {
+    if matches!(error, NatsError::Denied(_)) {
+        leave(state, client).await;
+    }
+    error.into()
+}
+
+/// Tells servers that the worker ends. A server that misses it notices the missing heartbeats.
+async fn leave(state: &WorkerProcess, client: &Client) {
+    let _ = send_heartbeat(state, client, WorkerPhase::Leaving).await;
+    let _ = client.flush().await;
 }
 
 /// Waits until the worker is to stop.

@@ -28,11 +28,6 @@ impl FeedErrors {
         Ok(())
     }
 
-    /// Returns true if a reason is shown for a run.
-    pub(super) fn is_shown(&self, run: &str) -> bool {
-        self.0.get(run).is_some_and(Option::is_some)
-    }
-
     /// Forgets runs whose feeds NATS does not deliver any more, and removes their reasons.
     pub(super) async fn retain(
         &mut self,

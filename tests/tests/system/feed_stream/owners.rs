@@ -138,4 +138,10 @@ async fn policy_shows_an_outage_of_nats_until_it_ends() {
     .await;
     nats.resume();
     wait_until("the policy shows no error", async || last_error(&server).await.is_empty()).await;
+
+    nats.kill();
+    wait_until("the policy says so again", async || !last_error(&server).await.is_empty()).await;
+    let _ =
+        put_policy(&server.api(), "run", json!({"policy": "random", "delivery": "http"})).await.expect(200);
+    assert_eq!(last_error(&server).await, "", "HTTP needs no NATS");
 }

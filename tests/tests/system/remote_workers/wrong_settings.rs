@@ -52,8 +52,10 @@ fn invalid_settings_of_nats_end_the_commands() {
     for option in ["--nats-creds", "--nats-ca", "--nats-name"] {
         let (code, stderr) = run("serve", &["--temporary", option, "name"]);
         assert_eq!(code, Some(2), "{stderr}");
-        assert!(stderr.contains("--nats <URL>"), "{stderr}");
+        assert!(stderr.contains("needs --nats URL"), "{stderr}");
     }
+    let (code, stderr) = run("worker", &["--nats", "nats://team:s%40cret@host"]);
+    assert!(code == Some(2) && !stderr.contains("cret"), "{stderr}");
     for (options, reason) in [
         (&["--nats", url, "--host", ""][..], "1 to 64 characters"),
         (&["--nats", url, "--host", "two\nlines"], "none of them a control character"),
@@ -63,6 +65,31 @@ fn invalid_settings_of_nats_end_the_commands() {
         assert_eq!(code, Some(2), "{options:?}: {stderr}");
         assert!(stderr.contains(reason), "{options:?}: {stderr}");
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn options_on_the_command_line_fit_a_url_in_the_file() {
+    let Some(nats) = NatsServer::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("sparring.toml");
+    std::fs::write(&file, format!("nats = {:?}\n", nats.url())).unwrap();
+    let options = [
+        "--config",
+        file.to_str().unwrap(),
+        "--nats-name",
+        "team",
+        "--nats-verify",
+        "0.5",
+        "--nats-patience",
+        "3",
+    ];
+    let server = ServerProcess::start_with_options(&folder.path().join("db.sqlite3"), &options);
+    wait_until("the server waits for workers", async || reason(&server).await.contains("worker")).await;
+    drop(server);
+    std::fs::write(&file, "nats-creds = \"seed\"\n").unwrap();
+    let (code, stderr) = run("serve", &["--temporary", "--config", file.to_str().unwrap()]);
+    assert_eq!(code, Some(2), "{stderr}");
+    assert!(stderr.contains("--nats-creds needs --nats URL"), "{stderr}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
