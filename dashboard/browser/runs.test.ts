@@ -173,6 +173,7 @@ test("the address has the selection and the open dialog", async () => {
   await expect.poll(() => page.url()).toMatch(/#\/\?search=many-010$/);
   await page.getByRole("button", { name: "New run" }).click();
   await expect.poll(() => page.url()).toContain("dialog=new");
+  await dialog.getByRole("button", { name: "Create" }).waitFor(); // a dialog that is still loading has no keys
   await page.keyboard.press("Escape");
   await expect.poll(() => page.url()).not.toContain("dialog");
   expect(problems.filter((problem) => !problem.includes("/v1/runs/unknown"))).toEqual([]);
