@@ -9,9 +9,9 @@ import threading
 import time
 
 import pytest
-import trustme
 from documents import ROOT
 from nats_server import NatsServer, needs_nats
+from tls_files import create_tls_files
 
 import sparring
 from sparring.feed import FeedError
@@ -36,13 +36,7 @@ def open_nowhere(server, **arguments):
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
-    """Folder with `ca.pem`, `cert.pem` and `key.pem`."""
-    folder, authority = tmp_path_factory.mktemp("tls"), trustme.CA()
-    authority.cert_pem.write_to_path(folder / "ca.pem")
-    certificate = authority.issue_cert("127.0.0.1")
-    certificate.cert_chain_pems[0].write_to_path(folder / "cert.pem")
-    certificate.private_key_pem.write_to_path(folder / "key.pem")
-    return folder
+    return create_tls_files(tmp_path_factory.mktemp("tls"))
 
 
 def tls_flags(files):

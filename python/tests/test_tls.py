@@ -5,9 +5,9 @@ import re
 import subprocess
 
 import pytest
-import trustme
 from conftest import BINARY, needs_server
 from curriculum_servers import SETTINGS
+from tls_files import create_tls_files
 
 import sparring
 
@@ -16,13 +16,7 @@ pytestmark = needs_server
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
-    """Folder with `ca.pem`, `cert.pem` and `key.pem`."""
-    folder, authority = tmp_path_factory.mktemp("tls"), trustme.CA()
-    authority.cert_pem.write_to_path(folder / "ca.pem")
-    certificate = authority.issue_cert("127.0.0.1")
-    certificate.cert_chain_pems[0].write_to_path(folder / "cert.pem")
-    certificate.private_key_pem.write_to_path(folder / "key.pem")
-    return folder
+    return create_tls_files(tmp_path_factory.mktemp("tls"))
 
 
 @pytest.fixture(scope="module")
