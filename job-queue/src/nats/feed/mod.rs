@@ -3,6 +3,7 @@
 //! The database decides what a stream holds: the groups that are not acknowledged, in order of their ids. [`FeedStream`] publishes a
 //! group once, reads which groups all trainers have acknowledged, and removes groups. [`RunStateBucket`] has the states. Nothing here
 //! reads the database; `workers/feed_stream` of the service does, and compares both sides again after each interruption.
+//! `presence` tells whether another server with a copy of the database runs.
 
 mod presence;
 mod run_states;
