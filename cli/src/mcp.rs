@@ -9,8 +9,9 @@ use orchestrator::service::{Config, Service};
 /// Serves the tools of an episode on stdin and stdout.
 ///
 /// # Errors
-/// Returns an error if the server cannot be started or reached, or if it rejects the episode.
+/// Returns an error if `--run` is given without `--url`, if the server cannot be started or reached, or if it rejects the episode.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    args.check()?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     runtime.block_on(async {
         match &args.url {

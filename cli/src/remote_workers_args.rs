@@ -61,7 +61,7 @@ impl RemoteWorkersArgs {
     /// Returns an error if the URL or the file of an option cannot be used, or if an option needs `--nats`.
     pub fn config(&self) -> anyhow::Result<Option<RemoteWorkersConfig>> {
         let Some(url) = &self.nats else {
-            // A file of settings can have --nats and these options, so that the parser of the command line cannot check it.
+            // The configuration file can have --nats and these options, so that the parser of the command line cannot check it.
             return match self.first_option() {
                 Some(option) => bail!("{option} needs --nats URL"),
                 None => Ok(None),

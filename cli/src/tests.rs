@@ -104,7 +104,6 @@ fn bad_arguments_are_usage_errors() {
         "sparring replay x.json --tolerance NaN",
         "sparring critique",
         "sparring critique x.json --policy hold --actions y.json",
-        "sparring critique x.json --seed 3",
         "sparring bench --seconds 0",
         "sparring bench --env golf",
         "sparring suite",

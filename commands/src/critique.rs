@@ -36,9 +36,9 @@ pub struct Args {
     /// Run this built-in policy instead: hold, random, blind, frozen, heuristic or reference
     #[arg(long, value_name = "NAME")]
     policy: Option<String>,
-    /// Seed of the policy's random choices
-    #[arg(long, default_value_t = 0, requires = "policy")]
-    seed: u64,
+    /// Seed of the random choices of --policy [default: 0]
+    #[arg(long)]
+    seed: Option<u64>,
     /// Also write the telemetry with the observations to this file, one JSON object per step and line
     #[arg(long, value_name = "FILE")]
     telemetry: Option<PathBuf>,
@@ -138,8 +138,11 @@ fn read(path: &Path) -> anyhow::Result<Value> {
 /// Returns the actions: rolled out by a policy, from their own file, or from the scenario's file.
 fn action_log(args: &Args, scenario: &Scenario, embedded: Option<&Value>) -> anyhow::Result<ActionLog> {
     if let Some(name) = &args.policy {
-        let mut policy = scenario.task().policy(name, scenario, args.seed)?;
+        let mut policy = scenario.task().policy(name, scenario, args.seed.unwrap_or(0))?;
         return Ok(roll_out(scenario, &mut *policy)?.log);
+    }
+    if let Some(seed) = args.seed {
+        bail!("--seed {seed} needs --policy NAME");
     }
     let (actions, path) = match (&args.actions, embedded.filter(|value| !value.is_null())) {
         (Some(path), _) => (read(path)?, path),

@@ -18,13 +18,7 @@ pub const UPSTREAM_KEYS: [&str; 2] = ["HF_TOKEN", "API_KEY"];
 #[command(next_help_heading = "Language model")]
 pub struct LlmArgs {
     /// Base URL of an OpenAI-compatible API, such as http://127.0.0.1:8080/v1; without it no model is used
-    #[arg(
-        long,
-        value_name = "URL",
-        env = "SPARRING_LLM_URL",
-        hide_env_values = true,
-        requires = "llm_model"
-    )]
+    #[arg(long, value_name = "URL", env = "SPARRING_LLM_URL", hide_env_values = true)]
     llm_url: Option<String>,
     /// Name of the model at that API
     #[arg(long, value_name = "NAME", env = "SPARRING_LLM_MODEL", hide_env_values = true)]
@@ -60,7 +54,7 @@ pub struct LlmLimitArgs {
     #[arg(long, value_name = "N")]
     llm_tokens_per_day: Option<u64>,
     /// Cost budget per day (UTC), in the currency of the prices [default: unlimited]
-    #[arg(long, value_name = "COST", requires = "llm_price_in", requires = "llm_price_out")]
+    #[arg(long, value_name = "COST")]
     llm_cost_per_day: Option<f64>,
     /// Price of a million prompt tokens [default: 0]
     #[arg(long, value_name = "PRICE")]
@@ -74,7 +68,7 @@ impl LlmArgs {
     /// Returns the configuration of the endpoint, or `None` without `--llm-url`. The key is read from its environment variable.
     ///
     /// # Errors
-    /// Returns an error if the model is missing or the variable of the key is no UTF-8.
+    /// Returns an error if the model or a price is missing, or the variable of the key is no UTF-8.
     pub fn config(&self, clock: &Clock) -> anyhow::Result<Option<LlmConfig>> {
         self.config_with(clock, |name| std::env::var(name))
     }
@@ -85,6 +79,7 @@ impl LlmArgs {
         clock: &Clock,
         read: impl Fn(&str) -> Result<String, VarError>,
     ) -> anyhow::Result<Option<LlmConfig>> {
+        self.limits.check()?;
         let Some(url) = &self.llm_url else { return Ok(None) };
         let model = self.llm_model.as_deref().context("--llm-url needs --llm-model")?;
         let mut config = self.with_limits(LlmConfig::new(url, model, wall_clock(clock)));
@@ -107,6 +102,21 @@ impl LlmArgs {
 }
 
 impl LlmLimitArgs {
+    /// Checks that a cost budget has prices. The configuration file can have one of them, so that the parser of the command line
+    /// cannot check it.
+    ///
+    /// # Errors
+    /// Returns an error if a price is missing.
+    pub fn check(&self) -> anyhow::Result<()> {
+        let prices = [("--llm-price-in", self.llm_price_in), ("--llm-price-out", self.llm_price_out)];
+        match prices.into_iter().find(|(_, price)| price.is_none()) {
+            Some((option, _)) if self.llm_cost_per_day.is_some() => {
+                bail!("--llm-cost-per-day needs {option} PRICE")
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Sets retries, prices and budgets.
     pub fn apply(&self, mut config: LlmConfig) -> LlmConfig {
         config.retries = self.llm_retries;
@@ -210,13 +220,15 @@ mod tests {
             return; // these variables would change the arguments
         }
         assert!(read("x", &Ok("k")).unwrap().is_none());
-        for line in [
-            "x --llm-url http://h/v1",
-            "x --llm-cost-per-day 3",
-            "x --llm-timeout 0",
-            "x --llm-concurrency 0",
+        for (line, words) in [
+            ("x --llm-url http://h/v1", "--llm-url needs --llm-model"),
+            ("x --llm-cost-per-day 3", "--llm-cost-per-day needs --llm-price-in"),
+            ("x --llm-cost-per-day 3 --llm-price-in 1", "needs --llm-price-out"),
+            ("x --llm-timeout 0", "--llm-timeout"),
+            ("x --llm-concurrency 0", "--llm-concurrency"),
         ] {
-            assert!(LlmCommand::try_parse_from(line.split(' ')).is_err(), "{line}");
+            let error = read(line, &Ok("k")).unwrap_err().to_string();
+            assert!(error.contains(words), "{line}: {error}");
         }
     }
 }

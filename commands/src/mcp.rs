@@ -46,7 +46,7 @@ pub struct Args {
     #[arg(long, value_name = "SEED", value_parser = parse_seed)]
     seed: Option<u64>,
     /// Run of the server at --url whose curriculum proposes the scenario and receives the outcome; it excludes --task and --seed
-    #[arg(long, value_name = "RUN", requires = "url", conflicts_with_all = ["task", "seed"])]
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["task", "seed"])]
     run: Option<String>,
 }
 
@@ -56,6 +56,17 @@ fn parse_seed(text: &str) -> Result<u64, String> {
 }
 
 impl Args {
+    /// Checks that a run has the URL of its server, which can be in the configuration file.
+    ///
+    /// # Errors
+    /// Returns an error if the URL is missing.
+    pub fn check(&self) -> anyhow::Result<()> {
+        match (&self.run, &self.url) {
+            (Some(run), None) => anyhow::bail!("--run {run} needs --url URL"),
+            _ => Ok(()),
+        }
+    }
+
     /// Returns the fields of the reset that begins the episode.
     fn reset_fields(&self) -> Value {
         let mut fields = Map::new();

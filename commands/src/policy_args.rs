@@ -21,13 +21,7 @@ const MAX_TOKEN_BODY_BYTES: usize = 16 << 20;
 pub struct PolicyArgs {
     /// Base URL of the OpenAI-compatible API behind the policy `chat`, such as http://127.0.0.1:8000/v1; without it this
     /// program does not roll out that policy
-    #[arg(
-        long,
-        value_name = "URL",
-        env = "SPARRING_POLICY_URL",
-        hide_env_values = true,
-        requires = "policy_model"
-    )]
+    #[arg(long, value_name = "URL", env = "SPARRING_POLICY_URL", hide_env_values = true)]
     policy_url: Option<String>,
     /// Name of the model at that API
     #[arg(long, value_name = "NAME", env = "SPARRING_POLICY_MODEL", hide_env_values = true)]
@@ -49,7 +43,7 @@ pub struct PolicyArgs {
     policy_timeout: u64,
     /// Request token ids and log-probabilities (vLLM's return_token_ids and logprobs) and add them to the trajectories;
     /// other endpoints may reject such requests
-    #[arg(long, requires = "policy_url")]
+    #[arg(long)]
     policy_tokens: bool,
     /// Folder with policy files (ONNX models and reflexes) that clients can evaluate and roll out by name, such as
     /// onnx:model.onnx; files can be added and replaced at any time
@@ -96,9 +90,14 @@ impl PolicyArgs {
         clock: &Clock,
         read: impl Fn(&str) -> Result<String, VarError> + Copy,
     ) -> anyhow::Result<Option<LlmConfig>> {
+        limits.check()?;
         let Some(url) = &self.policy_url else {
+            // The configuration file can have one of two options, so that the parser of the command line cannot check them.
             if let Some(name) = &self.policy_key_env {
                 bail!("--policy-key-env {name} needs --policy-url");
+            }
+            if self.policy_tokens {
+                bail!("--policy-tokens needs --policy-url");
             }
             return Ok(None);
         };

@@ -114,6 +114,8 @@ def _address_fault(address: str) -> str | None:
         return "the host is invalid"
     if re.search(r"\s", address):
         return "it must have no spaces"
+    if "%" in parts.netloc.rpartition("@")[0]:
+        return "the user and the password may have letters, digits and `-._~` only; else set `credentials`"
     if not _is_port(parts):
         return "the port must be a number from 1 to 65535"
     if not parts.hostname:

@@ -75,6 +75,7 @@ def test_invalid_argument_is_named(argument, value, requirement):
         ("nats://127.0.0.1:0", "the port must be a number from 1 to 65535"),
         ("nats://127.0.0.1:99999", "the port must be a number from 1 to 65535"),
         ("nats://a:1,nats://b:abc", "the port must be a number from 1 to 65535"),
+        ("nats://user:p%40ss@a", "the user and the password may have letters, digits and `-._~` only; else set `credentials`"),
         ("nats://a:1/b", "it must end after the port"),
         ("nats://a?tls=1", "it must end after the port"),
         ("nats://a,nats://b:1 , tls://u:p@[::1]:4222", None),

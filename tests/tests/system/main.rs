@@ -12,6 +12,7 @@ mod api_page;
 mod bad_input;
 #[cfg(target_os = "linux")]
 mod child_processes;
+mod configuration_file;
 mod crash;
 mod curricula;
 mod database;
