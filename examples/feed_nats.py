@@ -15,6 +15,7 @@ import asyncio
 import json
 import os
 import ssl
+import sys
 import statistics
 import urllib.error
 import urllib.request
@@ -75,16 +76,17 @@ async def read_group(js, stream, message):
     return json.loads((await bucket.get(name)).data)
 
 
-async def end_without_trust(error):
-    """Ends the program if the certificate of NATS is not valid: the client would try again for ever."""
+async def note_error(error):
+    """Prints an error of the connection, and ends the program if the certificate of NATS is not valid: waiting does not help."""
     if isinstance(error, ssl.SSLCertVerificationError):
         raise SystemExit(f"the certificate of NATS is not valid here ({error.verify_message}): set --ca-file")
+    print(f"NATS: {error or type(error).__name__}", file=sys.stderr, flush=True)
 
 
 async def train(args):
     trust = ssl.create_default_context(cafile=args.ca_file) if args.ca_file else None
     # A key for trainers may only use replies of this prefix (deploy/nats.conf).
-    options = {"inbox_prefix": "_INBOX_TRAINER", "nkeys_seed": args.nkey, "tls": trust, "error_cb": end_without_trust}
+    options = {"inbox_prefix": "_INBOX_TRAINER", "nkeys_seed": args.nkey, "tls": trust, "error_cb": note_error}
     client = await nats.connect(args.nats, **options)
     js, stream = client.jetstream(), stream_of(args.nats_name, args.run)
     subscription = await open_consumer(js, stream, args.consumer)

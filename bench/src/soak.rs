@@ -9,7 +9,7 @@ use system_tests::{ApiClient, ServerProcess, http_client};
 use tokio::task::JoinSet;
 
 use crate::sockets::process;
-use crate::stepping::VectorSession;
+use crate::stepping::{TRACKS, VectorSession};
 use crate::{Row, columns, results};
 
 /// Largest allowed ratio of the memory of the last minutes to that of the first ones.
@@ -84,7 +84,7 @@ async fn claim_columns(api: ApiClient) -> anyhow::Result<Infallible> {
 /// Opens vector sessions one after another and steps them with pauses, which leave time for the other clients.
 async fn step_sessions(api: ApiClient) -> anyhow::Result<Infallible> {
     for seed in 0.. {
-        let mut session = VectorSession::open(api.base(), 256, seed).await?;
+        let mut session = VectorSession::open(api.base(), TRACKS, 256, seed).await?;
         for _ in 0..200 {
             session.step().await?;
             tokio::time::sleep(Duration::from_millis(50)).await;

@@ -105,8 +105,10 @@ enum Command {
 impl Cli {
     /// Settles which of two flags applies, by the sources of their values.
     fn apply_precedence(&mut self, matches: &ArgMatches) {
-        if let (Command::Serve(args), Some((_, matches))) = (&mut self.command, matches.subcommand()) {
-            args.apply_precedence(matches);
+        match (&mut self.command, matches.subcommand()) {
+            (Command::Serve(args), Some((_, matches))) => args.apply_precedence(matches),
+            (Command::Critique(args), Some((_, matches))) => args.apply_precedence(matches),
+            _ => {}
         }
     }
 }

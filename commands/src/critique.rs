@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, anyhow, bail};
+use clap::ArgMatches;
+use clap::parser::ValueSource;
 use env_core::critique::{ActionVerdict, Critique, Encounter, Failure, Verdict};
 use env_core::log::Precision;
 use env_core::rollout::{read_log, replay, roll_out};
@@ -44,6 +46,15 @@ pub struct Args {
     telemetry: Option<PathBuf>,
     #[command(flatten)]
     output: JsonFlag,
+}
+
+impl Args {
+    /// Ignores a seed of the configuration file without a policy: it is there for other subcommands.
+    pub fn apply_precedence(&mut self, matches: &ArgMatches) {
+        if self.policy.is_none() && matches.value_source("seed") == Some(ValueSource::DefaultValue) {
+            self.seed = None;
+        }
+    }
 }
 
 const AFTER_HELP: &str = "\

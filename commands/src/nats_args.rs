@@ -52,7 +52,7 @@ impl NatsArgs {
 }
 
 impl NatsAccountArgs {
-    /// Returns the first option that is set, without its default; none needs a connection then.
+    /// Returns the first option that differs from its default, or `None`.
     #[must_use]
     pub fn first_option(&self) -> Option<&'static str> {
         let options = [

@@ -35,7 +35,7 @@ REQUEST_S = 5.0
 TIMEOUT_S = 10.0
 #: Pause before a failed request is repeated, seconds.
 RETRY_S = 0.5
-#: How long a stream may be missing while the server creates it again, seconds.
+#: How long a stream may be missing while the server creates it again, and a user while NATS is configured, seconds.
 MISSING_S = 60.0
 #: Number of acknowledged groups that are known, so that none of them is delivered again.
 KNOWN_GROUPS = 100_000
@@ -160,7 +160,7 @@ class AsyncNatsFeed:
             The group, or None after the timeout.
 
         Raises:
-            FeedError: The run has no feed on NATS any more.
+            FeedError: The run has no feed on NATS any more, or NATS does not know the user any more.
         """
         await self.acknowledge()
         loop = asyncio.get_running_loop()
@@ -170,6 +170,8 @@ class AsyncNatsFeed:
             if left <= 0.0:
                 return None
             message = await self._fetch(min(left, REQUEST_S))
+            if message is None:
+                self._check_connection()
             group = None if message is None else await self._accept(message)
             if group is not None:
                 return group
@@ -253,11 +255,17 @@ class AsyncNatsFeed:
             await self._recover()
             return None
 
+    def _check_connection(self) -> None:
+        """Raises FeedError if the connection does not open again."""
+        reason = self._client.reason_of_end(MISSING_S)
+        if reason is not None:
+            raise FeedError(f"the feed of the run {self._run} ended: {reason}")
+
     async def _recover(self) -> None:
         """Subscribes again after a failure of NATS.
 
         Raises:
-            FeedError: The stream does not exist any more.
+            FeedError: The stream does not exist any more, or NATS has ended the connection for good.
         """
         from nats.js.errors import NotFoundError
 
@@ -265,6 +273,7 @@ class AsyncNatsFeed:
         missing_since: float | None = None
         while True:
             await asyncio.sleep(RETRY_S)
+            self._check_connection()
             try:
                 return await self._subscribe()
             except NotFoundError as error:

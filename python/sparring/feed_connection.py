@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import os
 import ssl
+import time
 from typing import Any
 
 from nats.aio.client import Client
@@ -38,6 +39,8 @@ class NatsConnection(Client):
         self._requires_tls = ca_file is not None or any(address.startswith("tls://") for address in self._arguments["servers"])
         self._is_open = self._raises = False
         self._failure: Exception | None = None
+        #: Time of the first of the rejections that followed each other.
+        self._rejected_at: float | None = None
         if credentials is not None:
             import nkeys  # type: ignore[import-not-found,import-untyped,unused-ignore]  # noqa: F401
 
@@ -83,6 +86,16 @@ class NatsConnection(Client):
             return "JetStream of NATS does not answer: start nats-server with -js"
         return text if self._is_open else f"NATS does not answer ({text}): check `server`"
 
+    def reason_of_end(self, patience_s: float) -> str | None:
+        """Returns why the connection does not open again, or None: it was closed, or NATS rejects the user for so many seconds."""
+        if self.is_connected:
+            self._rejected_at = None
+        is_rejected = self._rejected_at is not None and time.monotonic() - self._rejected_at > patience_s
+        if not self.is_closed and not is_rejected:
+            return None
+        error = self._failure or self.last_error
+        return "the connection was closed" if error is None else self.explain(error)
+
     def _explain_rejection(self) -> str:
         if self._credentials is not None:
             file = os.fspath(self._credentials)
@@ -92,10 +105,17 @@ class NatsConnection(Client):
         return f"NATS requires a user: set `credentials` to its .creds file or the file of its nkey, or {PASSWORD_HINT}"
 
     async def _note(self, error: Exception) -> None:
-        """Notes an error of the connection. The client connects again by itself, unless a first attempt is hopeless."""
+        """Notes an error of the connection. The client connects again by itself, or to the next address.
+
+        A first attempt ends with an error that does not pass, if there is no other address.
+        """
         self._failure = error
-        is_hopeless = isinstance(error, (SecureConnWantedError, ssl.SSLCertVerificationError)) or _is_rejection(error)
-        if self._raises and is_hopeless:
+        if not _is_rejection(error):
+            self._rejected_at = None
+        elif self._rejected_at is None:
+            self._rejected_at = time.monotonic()
+        stays = isinstance(error, (SecureConnWantedError, ssl.SSLCertVerificationError)) or _is_rejection(error)
+        if self._raises and stays and len(self._arguments["servers"]) == 1:
             raise error
 
     def _connect_command(self) -> bytes:

@@ -71,8 +71,9 @@ def connection_options(
     Raises:
         ValueError: A file cannot be read, or has other content; the message names the argument.
     """
+    servers = [part.strip() for part in server.split(",")]
     options: dict[str, Any] = {
-        "servers": [part.strip() for part in server.split(",")],
+        "servers": servers,
         "name": "sparring trainer",
         "inbox_prefix": INBOX_PREFIX,
         "connect_timeout": 5,
@@ -80,8 +81,7 @@ def connection_options(
         "max_reconnect_attempts": -1,
         "reconnect_time_wait": 1,
     }
-    if credentials is not None:
-        options |= _credentials_option(credentials)
+    options |= _user_options(servers) if credentials is None else _credentials_option(credentials)
     if ca_file is not None:
         options["tls"] = _trust(ca_file)
     return options
@@ -95,11 +95,12 @@ def _check_server(server: str) -> None:
     """
     expected = "an address such as nats://127.0.0.1:4222 or tls://nats.example.com"
     if not isinstance(server, str):
-        raise invalid("server", expected, server)
+        raise invalid("server", expected, type(server))
     for address in server.split(","):
         fault = _address_fault(address.strip())
         if fault is not None:
-            raise invalid("server", f"{expected} ({fault})", re.sub("//.*@", "//…@", server, flags=re.DOTALL))
+            shown = re.sub("^([a-z]+://)?.*@", r"\1…@", server, flags=re.DOTALL)
+            raise invalid("server", f"{expected} ({fault})", shown)
 
 
 def _address_fault(address: str) -> str | None:
@@ -135,6 +136,14 @@ def _is_port(parts: SplitResult) -> bool:
 
 def _is_number(value: object) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _user_options(servers: list[str]) -> dict[str, str]:
+    """Returns the user and password, or the token, of the first address that has one: all servers of a cluster know it."""
+    for parts in map(urlsplit, servers):
+        if parts.username is not None:
+            return {"token": parts.username} if parts.password is None else {"user": parts.username, "password": parts.password}
+    return {}
 
 
 def _credentials_option(credentials: str | os.PathLike[str]) -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 import os
 import pathlib
+import signal
 import socket
 import subprocess
 
@@ -41,6 +42,10 @@ class NatsServer:
     def kill(self):
         self._process.kill()
         self._process.wait()
+
+    def reload(self):
+        """Lets the server read its configuration again."""
+        self._process.send_signal(signal.SIGHUP)
 
     def __enter__(self):
         return self

@@ -2,6 +2,7 @@
 
 import argparse
 import asyncio
+import gc
 import importlib.util
 import json
 import socket
@@ -140,6 +141,37 @@ def test_rejected_user_is_explained(tmp_path):
         assert time.monotonic() - started < feed_connection.CONNECT_S
         with pytest.raises(FeedError, match=CONNECTED):
             open_nowhere(f"nats://u:p@{nats.address}")
+
+
+def test_user_of_one_address_is_that_of_all(tmp_path):
+    with NatsServer(tmp_path, "--user", "u", "--pass", "p") as nats:
+        for _ in range(3):  # the order of the addresses is random
+            with pytest.raises(FeedError, match=CONNECTED):
+                open_nowhere(f"nats://u:p@127.0.0.1:1,{nats.url}")
+
+
+# nats-py leaves the sockets of rejected attempts to the garbage collector.
+@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
+def test_user_that_is_removed_ends_the_feed(tmp_path, monkeypatch):
+    monkeypatch.setattr(sparring.feed, "MISSING_S", 2.0)
+    config = tmp_path / "nats.conf"
+    users = "authorization {{ users: [{{ user: {}, password: p }}] }}"
+    config.write_text(users.format("u"))
+
+    async def run(nats):
+        feed = sparring.feed.AsyncNatsFeed(f"nats://u:p@{nats.address}", "my-run")
+        await feed._client.open()
+        await feed._js.add_stream(name="SPARRING_default_FEED_my-run", subjects=["feed"])
+        await feed.close()
+        async with sparring.feed.AsyncNatsFeed(f"nats://u:p@{nats.address}", "my-run") as feed:
+            config.write_text(users.format("other"))
+            nats.reload()
+            with pytest.raises(FeedError, match="the feed of the run my-run ended: NATS rejects the user"):
+                await feed.receive(30)
+
+    with NatsServer(tmp_path, "--config", config) as nats:
+        asyncio.run(run(nats))
+    gc.collect()
 
 
 def test_missing_permission_is_explained(tmp_path, monkeypatch):

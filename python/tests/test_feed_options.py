@@ -1,5 +1,7 @@
 """Arguments of feeds on NATS, without any server."""
 
+import re
+
 import pytest
 
 import sparring
@@ -86,15 +88,22 @@ def test_each_address_is_checked(server, fault):
     if fault is None:
         sparring.feed.AsyncNatsFeed(server, "my-run")
         return
-    with pytest.raises(ValueError, match=rf"^`server` must be an address such as nats://\S+ or tls://\S+ \({fault}\), got '"):
+    requirement = rf"an address such as nats://\S+ or tls://\S+ \({re.escape(fault)}\)"
+    with pytest.raises(ValueError, match=rf"^`server` must be {requirement}, got '"):
         sparring.feed.nats(server, "my-run")
 
 
-@pytest.mark.parametrize("server", [f"nats://user:{password}@a:b" for password in ("pw", "pw#pw", "pw/pw", "pw,pw", "pw@pw")])
-def test_invalid_address_is_shown_without_password(server):
-    with pytest.raises(ValueError, match=r"^`server` must be .* got 'nats://…@a:b'$") as error:
-        sparring.feed.nats(server, "my-run")
+@pytest.mark.parametrize("scheme", ["nats://", "http://", ""])
+@pytest.mark.parametrize("password", ["pw", "pw#pw", "pw/pw", "pw,pw", "pw@pw"])
+def test_invalid_address_is_shown_without_password(scheme, password):
+    with pytest.raises(ValueError, match=rf"^`server` must be .* got '{scheme}…@a:b'$") as error:
+        sparring.feed.nats(f"{scheme}user:{password}@a:b", "my-run")
     assert "pw" not in str(error.value)
+
+
+def test_list_of_addresses_is_refused_without_its_password():
+    with pytest.raises(ValueError, match="^`server` must be an address such as .* got <class 'list'>$"):
+        sparring.feed.nats(["nats://user:pw@a"], "my-run")
 
 
 @pytest.mark.parametrize("argument", ["credentials", "ca_file"])

@@ -31,10 +31,11 @@ pub(super) enum DesignerKind {
 /// # Errors
 /// Returns an error if no language model is configured, or `replay` is selected without a file.
 pub(super) fn create_designer(args: &Args) -> anyhow::Result<Box<dyn Designer>> {
+    // Incomplete options are an error whatever the designer.
+    let config = args.llm.config(&Clock::system())?;
     match args.designer.unwrap_or(DesignerKind::Procedural) {
         DesignerKind::Procedural => Ok(Box::new(ProceduralDesigner)),
         DesignerKind::Llm => {
-            let config = args.llm.config(&Clock::system())?;
             let config = config.context("no language model is configured: give --llm-url")?;
             Ok(Box::new(LlmDesigner::new(LlmClient::new(config)?, args.run.as_deref().unwrap_or_default())))
         }

@@ -132,9 +132,10 @@ impl Connection {
         };
         let options = match &config.authorities {
             None => options,
-            // Otherwise a server without TLS would read the credentials.
-            Some(file) => options.add_root_certificates(file.clone()).require_tls(true),
+            Some(file) => options.add_root_certificates(file.clone()),
         };
+        // Otherwise a server without TLS would read the credentials.
+        let options = options.require_tls(config.authorities.is_some() || config.url.has_tls());
         let client = options.connect(config.url.servers()).await;
         let client = client.map_err(|error| NatsError::connecting(&error))?;
         Ok(Self { client, end })
@@ -178,7 +179,11 @@ fn with_credentials(options: ConnectOptions, file: &Path) -> Result<ConnectOptio
         |error: String| NatsError::Rejected(format!("the file {} cannot be used: {error}", file.display()));
     let text = std::fs::read_to_string(file).map_err(|error| invalid(error.to_string()))?;
     match text.trim() {
-        seed if seed.starts_with("SU") => Ok(options.nkey(seed.to_owned())),
+        seed if seed.starts_with("SU") => {
+            nkeys::KeyPair::from_seed(seed)
+                .map_err(|error| invalid(format!("the seed of the nkey: {error}")))?;
+            Ok(options.nkey(seed.to_owned()))
+        }
         credentials => options.credentials(credentials).map_err(|error| invalid(error.to_string())),
     }
 }

@@ -24,7 +24,10 @@ fn parse_server(text: &str) -> Result<ServerAddr, InvalidNatsUrl> {
     }
     let scheme = text.split_once("://").map_or("nats", |(scheme, _)| scheme);
     if !matches!(scheme, "nats" | "tls") {
-        return Err(invalid(format!("the scheme must be nats or tls, got {scheme:?}")));
+        // Other characters may be those of a password.
+        let is_shown = scheme.bytes().all(|byte| byte.is_ascii_alphabetic());
+        let shown = if is_shown { format!(", got {scheme:?}") } else { String::new() };
+        return Err(invalid(format!("the scheme must be nats or tls{shown}")));
     }
     // The error of the client names itself before the reason.
     let reason = |error: std::io::Error| {
@@ -56,6 +59,11 @@ impl NatsUrl {
     /// Returns the addresses of the servers.
     pub(crate) fn servers(&self) -> &[ServerAddr] {
         &self.0
+    }
+
+    /// Returns true if a server must be reached by TLS; the credentials are then sent to no server without it.
+    pub(super) fn has_tls(&self) -> bool {
+        self.0.iter().any(|server| server.scheme() == "tls")
     }
 
     /// Adds the user and password, or the token, of the first server that has one.
@@ -109,6 +117,7 @@ mod tests {
             ("nats://a,", "a URL is missing"),
             ("http://host:4222", "the scheme must be nats or tls, got \"http\""),
             ("ws://host", "the scheme must be nats or tls"),
+            ("team:s3cret@nats://host", "the scheme must be nats or tls; a URL"),
             ("nats://", "host"),
             ("nats://host:99999", "port"),
             ("nats://a b", "domain"),

@@ -221,7 +221,11 @@ impl Change for SetFeedError {
         let Self { run, reason } = self;
         match reason {
             Some(reason) => {
-                run_policies::set_error(&mut tx.conn, &run, &format!("{FEED_ERROR}{reason}"), tx.now).await?;
+                let error = format!("{FEED_ERROR}{reason}");
+                let stored = run_policies::get(&mut tx.conn, &run).await?.and_then(|policy| policy.error);
+                if stored.as_ref() != Some(&error) {
+                    run_policies::set_error(&mut tx.conn, &run, &error, tx.now).await?;
+                }
             }
             None => run_policies::clear_error(&mut tx.conn, &run, FEED_ERROR).await?,
         }

@@ -11,7 +11,7 @@ mod session;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::convert::Infallible;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use job_queue::nats::feed::FeedConnection;
 use job_queue::nats::{NatsConfig, NatsError};
@@ -20,7 +20,7 @@ use store::{StoreError, feeds, trajectories};
 use tokio::sync::watch;
 
 use self::feed_errors::FeedErrors;
-use self::session::FeedSession;
+use self::session::{FailedFeed, FeedSession};
 use crate::engine::error::ServiceError;
 use crate::engine::writer::Writer;
 use crate::metrics;
@@ -28,6 +28,8 @@ use crate::workers::round_error::ends_worker;
 
 /// Pause before the next attempt to connect.
 const RETRY_PAUSE: Duration = Duration::from_secs(1);
+/// Pause before a feed is tried again that the user of NATS may not publish: each attempt ends the connection.
+const DENIED_PAUSE: Duration = Duration::from_secs(60);
 
 /// Where the server publishes feeds.
 #[derive(Debug, Clone)]
@@ -52,6 +54,12 @@ pub(super) struct FeedStreamWorker {
     /// Changes after commits that changed the states of runs.
     runs: watch::Receiver<u64>,
     errors: FeedErrors,
+    /// Run whose feed is being published.
+    current: Option<String>,
+    /// Feeds that the user of NATS may not publish, by run.
+    denied: BTreeMap<String, FailedFeed>,
+    /// Reason of the interruption that the log has; `None` while feeds are published.
+    logged: Option<NatsError>,
 }
 
 /// Reason why a connection is not used any more.
@@ -59,13 +67,15 @@ pub(super) struct FeedStreamWorker {
 enum FeedSessionEnd {
     /// The writer of the service stops.
     Stopping,
-    /// NATS is away, for this reason.
-    Away(String),
+    /// No feed can be published.
+    Away(NatsError),
+    /// The user of NATS may not publish the feed of a run.
+    Denied { run: String, error: NatsError },
 }
 
 impl From<NatsError> for FeedSessionEnd {
     fn from(error: NatsError) -> Self {
-        Self::Away(error.to_string())
+        Self::Away(error)
     }
 }
 
@@ -85,28 +95,33 @@ impl FeedStreamWorker {
     /// Creates a worker that has not started.
     pub(super) fn new(readers: SqlitePool, writer: Writer, server: FeedServer, signals: FeedSignals) -> Self {
         let FeedSignals { groups, runs } = signals;
-        Self { readers, writer, server, groups, runs, errors: FeedErrors::default() }
+        Self {
+            readers,
+            writer,
+            server,
+            groups,
+            runs,
+            errors: FeedErrors::default(),
+            current: None,
+            denied: BTreeMap::new(),
+            logged: None,
+        }
     }
 
     /// Runs until the writer stops.
     pub(super) async fn run(mut self) {
         let mut published = PublishedGroups::new();
-        let mut is_away = false;
         loop {
-            let Err(end) = self.serve(&mut published, &mut is_away).await;
-            match end {
+            let Err(end) = self.serve(&mut published).await;
+            let noted = match end {
                 FeedSessionEnd::Stopping => return,
-                // The queue of jobs has the reason of each interruption in its status.
-                FeedSessionEnd::Away(error) if !std::mem::replace(&mut is_away, true) => {
-                    tracing::warn!(error, "Feeds are not published; trainers can use HTTP.");
-                }
-                FeedSessionEnd::Away(error) => {
-                    if let Err(error) = self.show_in_policies(&error).await
-                        && ends_worker(&error, "the state of feeds could not be shown")
-                    {
-                        return;
-                    }
-                }
+                FeedSessionEnd::Away(error) => self.note_interruption(error).await,
+                FeedSessionEnd::Denied { run, error } => self.note_denial(run, &error).await,
+            };
+            if let Err(error) = noted
+                && ends_worker(&error, "the state of feeds could not be shown")
+            {
+                return;
             }
             if let Err(error) = self.count_unpublished(&published).await
                 && ends_worker(&error.into(), "groups of feeds could not be counted")
@@ -118,24 +133,50 @@ impl FeedStreamWorker {
     }
 
     /// Serves one connection until it is interrupted.
-    async fn serve(
-        &mut self,
-        published: &mut PublishedGroups,
-        is_away: &mut bool,
-    ) -> Result<Infallible, FeedSessionEnd> {
+    async fn serve(&mut self, published: &mut PublishedGroups) -> Result<Infallible, FeedSessionEnd> {
         let connection = FeedConnection::open(&self.server.nats, &self.server.name).await?;
         let end = connection.end();
-        let session = async {
-            let mut session = FeedSession::start(self, &connection, published).await?;
-            if std::mem::replace(is_away, false) {
-                tracing::info!("Feeds are published again.");
-            }
-            session.run().await
-        };
+        self.current = None;
+        let session = async { FeedSession::start(self, &connection, published).await?.run().await };
         tokio::select! {
-            error = end => Err(error.into()),
+            error = end => Err(self.end_of_connection(error)),
             ended = session => ended,
         }
+    }
+
+    /// Returns why a session ended with its connection. NATS answers the denied request of the feed that is being published.
+    fn end_of_connection(&mut self, error: NatsError) -> FeedSessionEnd {
+        match (self.current.take(), &error) {
+            (Some(run), NatsError::Denied(_)) => FeedSessionEnd::Denied { run, error },
+            _ => FeedSessionEnd::Away(error),
+        }
+    }
+
+    /// Logs why no feed is published, unless the log has it. A reason that comes again, or against which waiting does not help, is shown
+    /// in the policies of the runs; the others are over after a moment.
+    async fn note_interruption(&mut self, error: NatsError) -> Result<(), ServiceError> {
+        let is_known = self.logged.as_ref() == Some(&error);
+        if !is_known {
+            tracing::warn!(%error, "Feeds are not published; trainers can use HTTP.");
+        }
+        if is_known || !error.passes() {
+            self.show_in_policies(&error.to_string()).await?;
+        }
+        self.logged = Some(error);
+        Ok(())
+    }
+
+    /// Shows that the user of NATS may not publish the feed of a run, and leaves it out for a while, so that the others are published.
+    async fn note_denial(&mut self, run: String, error: &NatsError) -> Result<(), ServiceError> {
+        let reason = error.to_string();
+        tracing::warn!(
+            run,
+            error = reason,
+            "The feed of a run could not be published; the server tries again."
+        );
+        self.errors.show(&self.writer, &run, &reason).await?;
+        self.denied.insert(run, FailedFeed { reason, retry_at: Instant::now() + DENIED_PAUSE });
+        Ok(())
     }
 
     /// Shows in the policies of runs why no feed is published.
@@ -146,7 +187,7 @@ impl FeedStreamWorker {
         };
         self.errors.retain(&self.writer, |run| rows.iter().any(|row| row.run == run)).await?;
         for row in rows {
-            self.errors.show(&self.writer, &row.run, Some(reason)).await?;
+            self.errors.show(&self.writer, &row.run, reason).await?;
         }
         Ok(())
     }

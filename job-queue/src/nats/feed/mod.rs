@@ -3,7 +3,7 @@
 //! The database decides what a stream holds: the groups that are not acknowledged, in order of their ids. [`FeedStream`] publishes a
 //! group once, reads which groups all trainers have acknowledged, and removes groups. [`RunStateBucket`] has the states. Nothing here
 //! reads the database; `workers/feed_stream` of the service does, and compares both sides again after each interruption.
-//! `presence` tells whether another server with a copy of the database runs.
+//! `presence` finds out whether another server with a copy of the database runs.
 
 mod presence;
 mod run_states;
@@ -43,7 +43,7 @@ pub enum FeedError {
         /// Name of the server that publishes it.
         owner: String,
     },
-    /// Another server that is connected publishes this very run: its database is a copy of this server's, or the other way round.
+    /// Another server that runs publishes this very run: its database is a copy of this server's, or the other way round.
     #[error(
         "the server {owner} publishes the run from a copy of this database; stop one of the two servers, or switch the run to `\"delivery\": \"http\"` on this one"
     )]
@@ -105,7 +105,7 @@ impl FeedConnection {
         let connection = Connection::open(config, "sparring serve: feeds").await?;
         let context = jetstream::new(connection.client.clone());
         let (cluster, server) = (config.cluster.clone(), subject_word(server));
-        let servers = ServersOfCluster { client: connection.client.clone(), cluster: cluster.clone() };
+        let servers = ServersOfCluster::new(connection.client.clone(), cluster.clone());
         let _presence = servers.announce(&server).await?;
         Ok(Self { connection, context, cluster, server, servers, _presence })
     }
@@ -141,8 +141,8 @@ impl FeedConnection {
     /// Opens the stream of a run with these settings, and reads which groups it has.
     ///
     /// # Errors
-    /// Returns [`FeedError::OtherServer`] if the stream belongs to another run, and [`FeedError::Copy`] if a server that is connected
-    /// publishes this very run.
+    /// Returns [`FeedError::OtherServer`] if the stream belongs to another run, and [`FeedError::Copy`] if a server that runs publishes
+    /// this very run.
     pub async fn open_feed(&self, settings: &FeedSettings) -> Result<FeedStream, FeedError> {
         let name = self.cluster.feed_stream(&settings.run);
         let created = settings.created_at.to_string();
@@ -153,7 +153,7 @@ impl FeedConnection {
                 (false, false) => return Err(FeedError::OtherServer { stream: name, owner }),
                 // A run with this id was deleted while NATS was away.
                 (true, false) => self.delete_feed(&settings.run).await?,
-                (false, true) if self.servers.is_connected(&owner).await? => {
+                (false, true) if self.servers.runs(&owner).await? => {
                     return Err(FeedError::Copy { owner });
                 }
                 // The database may have moved to another host.

@@ -1,10 +1,13 @@
 //! Which servers run: each answers requests on a subject of its own, as long as it is connected.
 
-use std::time::Duration;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use async_nats::Client;
 use async_nats::client::RequestErrorKind;
 use futures_util::StreamExt;
+use parking_lot::Mutex;
 use tokio::task::JoinHandle;
 
 use crate::nats::connection::NatsError;
@@ -12,6 +15,10 @@ use crate::nats::names::ClusterName;
 
 /// Time in which a server that runs must answer.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(2);
+/// Time for which a server must be away before another one takes its feeds over: it connects again a second after an interruption.
+const TAKEOVER_TIME: Duration = Duration::from_secs(10);
+/// Time for which a server that hangs is not asked again.
+const HANG_PAUSE: Duration = Duration::from_secs(10);
 
 /// Answers the servers that ask for this one, until it is dropped.
 #[derive(Debug)]
@@ -26,16 +33,37 @@ impl Drop for ServerPresence {
 /// Servers with one name on NATS, which ask each other whether they run.
 #[derive(Clone)]
 pub(super) struct ServersOfCluster {
-    pub(super) client: Client,
-    pub(super) cluster: ClusterName,
+    client: Client,
+    cluster: ClusterName,
+    /// Servers that did not answer, as this connection saw them.
+    silent: Arc<Mutex<BTreeMap<String, SilentServer>>>,
+}
+
+/// Server that did not answer when it was asked last.
+#[derive(Clone, Copy)]
+enum SilentServer {
+    /// It is not connected.
+    Away { since: Instant },
+    /// It is connected and does not answer.
+    Hanging { asked: Instant },
 }
 
 impl ServersOfCluster {
+    pub(super) fn new(client: Client, cluster: ClusterName) -> Self {
+        Self { client, cluster, silent: Arc::default() }
+    }
+
+    /// Name of the servers.
+    pub(super) const fn cluster(&self) -> &ClusterName {
+        &self.cluster
+    }
+
     /// Begins to answer for a server.
     pub(super) async fn announce(&self, server: &str) -> Result<ServerPresence, NatsError> {
         let questions = self.client.subscribe(self.cluster.server_presence(server)).await;
-        let mut questions =
-            questions.map_err(|error| NatsError::new("questions of servers cannot be read", error))?;
+        let mut questions = questions.map_err(|error| {
+            NatsError::new("the subject on which servers ask each other cannot be read", error)
+        })?;
         let client = self.client.clone();
         Ok(ServerPresence(tokio::spawn(async move {
             while let Some(question) = questions.next().await {
@@ -47,19 +75,38 @@ impl ServersOfCluster {
         })))
     }
 
-    /// Returns true if a server is connected. One that hangs is connected too.
-    pub(super) async fn is_connected(&self, server: &str) -> Result<bool, NatsError> {
+    /// Returns true if a server runs: it was connected in the last [`TAKEOVER_TIME`] of this connection. One that hangs runs too.
+    pub(super) async fn runs(&self, server: &str) -> Result<bool, NatsError> {
+        if let Some(SilentServer::Hanging { asked }) = self.silent.lock().get(server)
+            && asked.elapsed() < HANG_PAUSE
+        {
+            return Ok(true);
+        }
+        let now = Instant::now();
         let question = self.client.request(self.cluster.server_presence(server), Default::default());
-        match tokio::time::timeout(ANSWER_TIMEOUT, question).await {
-            Ok(Ok(_)) | Err(_) => Ok(true),
-            Ok(Err(error)) => match error.kind() {
-                RequestErrorKind::NoResponders => Ok(false),
-                RequestErrorKind::TimedOut => Ok(true),
-                _ => Err(NatsError::new(
-                    &format!("the server {server} cannot be asked whether it runs"),
-                    error,
-                )),
-            },
+        let answer = tokio::time::timeout(ANSWER_TIMEOUT, question).await;
+        let mut silent = self.silent.lock();
+        match answer.map(|answer| answer.map_err(|error| (error.kind(), error))) {
+            Ok(Ok(_)) => {
+                silent.remove(server);
+                Ok(true)
+            }
+            Ok(Err((RequestErrorKind::NoResponders, _))) => {
+                let since = match silent.get(server) {
+                    Some(SilentServer::Away { since }) => *since,
+                    _ => now,
+                };
+                silent.insert(server.to_owned(), SilentServer::Away { since });
+                Ok(since.elapsed() < TAKEOVER_TIME)
+            }
+            Err(_) | Ok(Err((RequestErrorKind::TimedOut, _))) => {
+                silent.insert(server.to_owned(), SilentServer::Hanging { asked: now });
+                Ok(true)
+            }
+            Ok(Err((_, error))) => {
+                let step = format!("the server {server} cannot be asked whether it runs");
+                Err(NatsError::new(&step, error))
+            }
         }
     }
 }

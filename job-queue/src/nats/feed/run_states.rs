@@ -58,7 +58,7 @@ impl RunStateBucket {
         server: String,
     ) -> Result<Self, NatsError> {
         let config = Config {
-            bucket: servers.cluster.run_states_bucket(),
+            bucket: servers.cluster().run_states_bucket(),
             description: "Sparring: states and policy versions of runs".to_owned(),
             history: 1,
             ..Config::default()
@@ -70,8 +70,8 @@ impl RunStateBucket {
         Ok(Self { store, server, servers, known })
     }
 
-    /// Returns the connected servers that write the same runs, from copies of the database.
-    async fn connected_copies(
+    /// Returns the servers that run and write the same runs, from copies of the database.
+    async fn running_copies(
         &self,
         states: &BTreeMap<String, PublishedRunState>,
     ) -> Result<BTreeSet<String>, NatsError> {
@@ -81,20 +81,21 @@ impl RunStateBucket {
                 .filter(|known| known.server != self.server && known.created_at == state.created_at)
         });
         let copies: BTreeSet<&String> = same_runs.map(|known| &known.server).collect();
-        let mut connected = BTreeSet::new();
+        let mut running = BTreeSet::new();
         for server in copies {
-            if self.servers.is_connected(server).await? {
-                connected.insert(server.clone());
+            if self.servers.runs(server).await? {
+                running.insert(server.clone());
             }
         }
-        Ok(connected)
+        Ok(running)
     }
 
-    /// Writes the states that differ from those in the bucket, and deletes those of runs that this server no longer has.
+    /// Writes the states that differ from those in the bucket, and deletes those of runs that this server no longer has. Returns true if
+    /// a server with a copy of the database keeps some: they are to be written once it has ended.
     ///
     /// # Errors
     /// Returns [`NatsError`] if JetStream fails.
-    pub async fn update(&mut self, states: BTreeMap<String, PublishedRunState>) -> Result<(), NatsError> {
+    pub async fn update(&mut self, states: BTreeMap<String, PublishedRunState>) -> Result<bool, NatsError> {
         let failed =
             |error: &dyn std::fmt::Display| NatsError::new("the state of a run cannot be written", error);
         let is_gone = |run: &String, known: &PublishedRunState| {
@@ -110,7 +111,7 @@ impl RunStateBucket {
             self.store.purge(format!("{KEY_PREFIX}{run}")).await.map_err(|error| failed(&error))?;
             self.known.remove(&run);
         }
-        let copies = self.connected_copies(&states).await?;
+        let copies = self.running_copies(&states).await?;
         for (run, state) in states {
             let state = PublishedRunState { server: self.server.clone(), ..state };
             let known = self.known.get(&run);
@@ -129,7 +130,7 @@ impl RunStateBucket {
                 .map_err(|error| failed(&error))?;
             self.known.insert(run, state);
         }
-        Ok(())
+        Ok(!copies.is_empty())
     }
 }
 

@@ -32,24 +32,26 @@ const MAX_HEARTBEAT_BYTES: usize = 64 * 1024;
 
 /// Connects again and again, until the queue is dropped. `due` has the results to acknowledge.
 pub(super) async fn run(shared: Arc<Shared>, mut due: UnboundedReceiver<Acker>) {
-    let mut was_degraded = false;
+    let mut announced = None;
     loop {
-        let Err(error) = serve(&shared, &mut due, &mut was_degraded).await;
+        let Err(error) = serve(&shared, &mut due, &mut announced).await;
         let problem = if error.passes() { "is away" } else { "cannot be used" };
         let reason = format!("NATS at {} {problem}: {error}", shared.config.nats.url);
         *shared.link.lock() = Link::Down(reason);
         shared.registry.lock().stall_all();
         shared.pending.take_all_back();
-        announce(&shared, &mut was_degraded);
+        announce(&shared, &mut announced, !error.passes());
         tokio::time::sleep(if error.passes() { RETRY_PAUSE } else { SETTINGS_PAUSE }).await;
     }
 }
 
-/// Announces a change of the degradation since the last call.
-fn announce(shared: &Shared, was_degraded: &mut bool) {
+/// Announces that the queue is degraded, or no longer. With `needs_operator` it also announces that the reason has changed since:
+/// waiting does not help against the new one.
+fn announce(shared: &Shared, announced: &mut Option<String>, needs_operator: bool) {
     let degraded = shared.degraded();
-    if degraded.is_some() != *was_degraded {
-        *was_degraded = degraded.is_some();
+    let is_news = degraded.is_some() != announced.is_some() || needs_operator && degraded != *announced;
+    if is_news {
+        announced.clone_from(&degraded);
         shared.notify(degraded.map_or(QueueNotice::Restored, QueueNotice::Degraded));
     }
 }
@@ -58,12 +60,12 @@ fn announce(shared: &Shared, was_degraded: &mut bool) {
 async fn serve(
     shared: &Arc<Shared>,
     due: &mut UnboundedReceiver<Acker>,
-    was_degraded: &mut bool,
+    announced: &mut Option<String>,
 ) -> Result<Infallible, NatsError> {
     let connection = Connection::open(&shared.config.nats, "sparring serve").await?;
     tokio::select! {
         error = connection.end() => Err(error),
-        ended = serve_connection(shared, &connection, due, was_degraded) => ended,
+        ended = serve_connection(shared, &connection, due, announced) => ended,
     }
 }
 
@@ -72,7 +74,7 @@ async fn serve_connection(
     shared: &Arc<Shared>,
     connection: &Connection,
     due: &mut UnboundedReceiver<Acker>,
-    was_degraded: &mut bool,
+    announced: &mut Option<String>,
 ) -> Result<Infallible, NatsError> {
     let cluster = &shared.config.nats.cluster;
     let client = connection.client.clone();
@@ -107,7 +109,7 @@ async fn serve_connection(
             }
             _ = ticks.tick() => {
                 shared.tick();
-                announce(shared, was_degraded);
+                announce(shared, announced, false);
             }
         }
     }

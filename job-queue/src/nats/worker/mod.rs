@@ -177,23 +177,18 @@ pub(super) async fn run_in_world(
         config,
     });
     tracing::info!(id = state.id, world, concurrency, "The worker started.");
-    let mut link = LinkState::New;
+    let mut link = LinkState::default();
     loop {
         match serve(&state, &mut stop, &mut link).await {
             Ok(()) => return Ok(()),
             Err(SessionEnd::Rejected(error)) => return Err(error),
             // Credentials that were valid may become valid again. Missing permissions stay missing.
             Err(SessionEnd::Interrupted(error))
-                if matches!(error, NatsError::Denied(_)) || link == LinkState::New && !error.passes() =>
+                if matches!(error, NatsError::Denied(_)) || !link.was_open && !error.passes() =>
             {
                 return Err(WorkerError::Nats(error));
             }
-            Err(SessionEnd::Interrupted(error)) => {
-                // It is logged once for each interruption.
-                if std::mem::replace(&mut link, LinkState::Away) != LinkState::Away {
-                    tracing::warn!(error = %error, "NATS is away; the worker connects again.");
-                }
-            }
+            Err(SessionEnd::Interrupted(error)) => link.log(&error),
         }
         tokio::select! {
             () = tokio::time::sleep(RETRY_PAUSE) => {}
@@ -202,15 +197,28 @@ pub(super) async fn run_in_world(
     }
 }
 
-/// State of the connection to NATS.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum LinkState {
-    /// No connection was tried yet.
-    New,
-    /// The last connection was open.
-    Connected,
-    /// The last attempt failed.
-    Away,
+/// Connection to NATS, across attempts.
+#[derive(Debug, Default)]
+struct LinkState {
+    /// True if a connection was open before.
+    was_open: bool,
+    /// Reason of the interruption that the log has; `None` while the connection is open.
+    logged: Option<NatsError>,
+}
+
+impl LinkState {
+    /// Notes that a connection is open.
+    fn note_open(&mut self) {
+        *self = Self { was_open: true, logged: None };
+    }
+
+    /// Logs why the worker connects again, unless the log has it: attempts follow each other.
+    fn log(&mut self, error: &NatsError) {
+        if self.logged.as_ref() != Some(error) {
+            tracing::warn!(error = %error, "NATS is away; the worker connects again.");
+            self.logged = Some(error.clone());
+        }
+    }
 }
 
 /// Reason why a connection ended before the worker was stopped.
@@ -237,7 +245,7 @@ async fn serve(
         connection = Connection::open(&state.config.nats, "sparring worker") => connection?,
         () = stopped(stop) => return Ok(()),
     };
-    *link = LinkState::Connected;
+    link.note_open();
     let client = connection.client.clone();
     let cluster = &state.config.nats.cluster;
     let control = client.subscribe(cluster.control(&state.id)).await;
@@ -300,7 +308,7 @@ async fn end_session(state: &WorkerProcess, client: &Client, error: NatsError) -
     error.into()
 }
 
-/// Tells servers that the worker ends. A server that misses it notices the missing heartbeats.
+/// Announces that the worker ends. A server that misses it notices the missing heartbeats.
 async fn leave(state: &WorkerProcess, client: &Client) {
     let _ = send_heartbeat(state, client, WorkerPhase::Leaving).await;
     let _ = client.flush().await;

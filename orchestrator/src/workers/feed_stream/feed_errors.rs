@@ -6,25 +6,31 @@ use crate::engine::error::ServiceError;
 use crate::engine::writer::Writer;
 use crate::rollouts::settings::SetFeedError;
 
-/// Reasons that the policies of runs show; none if the feed is published. A run without an entry may show that of an earlier
+/// For each run: true if its policy may show that its feed is not published. A run without an entry may show it since an earlier
 /// process.
 #[derive(Debug, Default)]
-pub(super) struct FeedErrors(BTreeMap<String, Option<String>>);
+pub(super) struct FeedErrors(BTreeMap<String, bool>);
 
 impl FeedErrors {
-    /// Shows why the feed of a run is not published; without a reason, that it is.
+    /// Shows why the feed of a run is not published. It is called again while the feed fails, since a rollout may show another error.
     pub(super) async fn show(
         &mut self,
         writer: &Writer,
         run: &str,
-        reason: Option<&str>,
+        reason: &str,
     ) -> Result<(), ServiceError> {
-        if self.0.get(run).is_some_and(|shown| shown.as_deref() == reason) {
+        // Before the change, which may be committed although its caller stops waiting.
+        self.0.insert(run.to_owned(), true);
+        writer.change(SetFeedError { run: run.to_owned(), reason: Some(reason.to_owned()) }).await
+    }
+
+    /// Shows that the feed of a run is published.
+    pub(super) async fn clear(&mut self, writer: &Writer, run: &str) -> Result<(), ServiceError> {
+        if self.0.get(run) == Some(&false) {
             return Ok(());
         }
-        let reason = reason.map(str::to_owned);
-        writer.change(SetFeedError { run: run.to_owned(), reason: reason.clone() }).await?;
-        self.0.insert(run.to_owned(), reason);
+        writer.change(SetFeedError { run: run.to_owned(), reason: None }).await?;
+        self.0.insert(run.to_owned(), false);
         Ok(())
     }
 
@@ -34,9 +40,9 @@ impl FeedErrors {
         writer: &Writer,
         is_wanted: impl Fn(&str) -> bool,
     ) -> Result<(), ServiceError> {
-        let gone: Vec<String> = self.0.keys().filter(|run| !is_wanted(run)).cloned().collect();
-        for run in gone {
-            self.show(writer, &run, None).await?;
+        let unwanted: Vec<String> = self.0.keys().filter(|run| !is_wanted(run)).cloned().collect();
+        for run in unwanted {
+            self.clear(writer, &run).await?;
             self.0.remove(&run);
         }
         Ok(())

@@ -30,10 +30,12 @@ const RETRY_PAUSE: Duration = Duration::from_secs(1);
 /// Description of errors of the database in the log.
 const FAILURE: &str = "feeds could not be published";
 
-/// A feed that failed.
-struct FailedFeed {
-    reason: String,
-    retry_at: Instant,
+/// Feed that could not be published.
+#[derive(Debug, Clone)]
+pub(super) struct FailedFeed {
+    pub(super) reason: String,
+    /// Time from which it is tried again.
+    pub(super) retry_at: Instant,
 }
 
 /// Publishes over one connection.
@@ -52,6 +54,8 @@ pub(super) struct FeedSession<'a> {
     is_dirty: bool,
     /// Time from which the states may be read again.
     refresh_at: Instant,
+    /// True if a server with a copy of the database keeps the states of some runs.
+    has_copy: bool,
     /// True if a round left groups to publish.
     has_more: bool,
 }
@@ -64,6 +68,7 @@ impl<'a> FeedSession<'a> {
         published: &'a mut PublishedGroups,
     ) -> Result<Self, FeedSessionEnd> {
         let states = connection.run_states().await?;
+        let failed = worker.denied.clone();
         let mut session = Self {
             worker,
             connection,
@@ -71,10 +76,11 @@ impl<'a> FeedSession<'a> {
             states,
             wanted: Vec::new(),
             feeds: BTreeMap::new(),
-            failed: BTreeMap::new(),
+            failed,
             poll_at: Instant::now(),
             is_dirty: true,
             refresh_at: Instant::now(),
+            has_copy: false,
             has_more: false,
         };
         while session.is_dirty {
@@ -99,6 +105,9 @@ impl<'a> FeedSession<'a> {
                 self.refresh_at = Instant::now() + started.elapsed() * STATES_PAUSE_FACTOR;
             }
             self.publish_feeds().await?;
+            if self.worker.logged.take().is_some() {
+                tracing::info!("Feeds are published again.");
+            }
             tokio::time::sleep(MIN_PAUSE).await;
             if self.has_more {
                 self.is_dirty |= self.worker.runs.has_changed().unwrap_or(true);
@@ -115,7 +124,7 @@ impl<'a> FeedSession<'a> {
                     changed.map_err(|_| FeedSessionEnd::Stopping)?;
                     self.is_dirty = true;
                 }
-                () = tokio::time::sleep(pause) => {}
+                () = tokio::time::sleep(pause) => self.is_dirty |= self.has_copy,
             }
         }
     }
@@ -129,16 +138,16 @@ impl<'a> FeedSession<'a> {
             Err(_) => return Ok(()), // it stays dirty
         };
         self.is_dirty = false;
-        self.states.update(states).await?;
-        let gone = |run: &String| !wanted.iter().any(|settings| settings.run == *run);
-        for run in self.feeds.keys().filter(|run| gone(run)).cloned().collect::<Vec<_>>() {
+        self.has_copy = self.states.update(states).await?;
+        let is_wanted = |run: &str| wanted.iter().any(|settings| settings.run == run);
+        for run in self.feeds.keys().filter(|run| !is_wanted(run)).cloned().collect::<Vec<_>>() {
             self.connection.delete_feed(&run).await?;
             self.feeds.remove(&run);
         }
-        self.failed.retain(|run, _| !gone(run));
-        self.published.retain(|run, _| !gone(run));
-        let is_wanted = |run: &str| wanted.iter().any(|settings| settings.run == run);
+        self.failed.retain(|run, _| is_wanted(run));
+        self.published.retain(|run, _| is_wanted(run));
         let worker = &mut *self.worker;
+        worker.denied.retain(|run, _| is_wanted(run));
         let retained = worker.errors.retain(&worker.writer, is_wanted).await;
         self.wanted = wanted;
         go_on_after(retained)
@@ -173,11 +182,15 @@ impl<'a> FeedSession<'a> {
             if self.failed.get(&run).is_some_and(|failed| now < failed.retry_at) {
                 continue;
             }
-            match self.publish_feed(settings, is_poll).await {
+            self.worker.current = Some(run.clone());
+            let left = self.publish_feed(settings, is_poll).await;
+            self.worker.current = None;
+            match left {
                 Ok(left) => {
                     self.failed.remove(&run);
                     let worker = &mut *self.worker;
-                    go_on_after(worker.errors.show(&worker.writer, &run, None).await)?;
+                    worker.denied.remove(&run);
+                    go_on_after(worker.errors.clear(&worker.writer, &run).await)?;
                     self.has_more |= left > 0;
                     unpublished += left;
                 }
@@ -229,7 +242,7 @@ impl<'a> FeedSession<'a> {
         }
         if is_known || matches!(error, FeedError::OtherServer { .. } | FeedError::Copy { .. }) {
             let worker = &mut *self.worker;
-            go_on_after(worker.errors.show(&worker.writer, &run, Some(&reason)).await)?;
+            go_on_after(worker.errors.show(&worker.writer, &run, &reason).await)?;
         }
         self.failed.insert(run, FailedFeed { reason, retry_at: Instant::now() + RETRY_PAUSE });
         Ok(())

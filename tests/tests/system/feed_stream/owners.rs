@@ -116,10 +116,10 @@ async fn policy_says_why_groups_are_not_published() {
     create_run(&server.api(), "run", json!({"group_size": 8})).await;
     let _ = put_policy(&server.api(), "run", delivered(64)).await.expect(200);
     wait_until("the policy says that NATS has no place", async || {
-        last_error(&server).await.contains("the feed is not published: ")
+        let error = last_error(&server).await;
+        error.contains("the feed is not published: ") && error.contains("insufficient")
     })
     .await;
-    assert!(last_error(&server).await.contains("insufficient"), "{}", last_error(&server).await);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -144,4 +144,30 @@ async fn policy_shows_an_outage_of_nats_until_it_ends() {
     let _ =
         put_policy(&server.api(), "run", json!({"policy": "random", "delivery": "http"})).await.expect(200);
     assert_eq!(last_error(&server).await, "", "HTTP needs no NATS");
+}
+
+/// The key of the server may not create the stream of the run `a`. Denied requests have no answer.
+#[tokio::test(flavor = "multi_thread")]
+async fn feed_without_permissions_stops_no_other_feed() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("nats.conf");
+    let denied = r#"["$JS.API.STREAM.CREATE.SPARRING_default_FEED_a", "$JS.API.STREAM.UPDATE.SPARRING_default_FEED_a"]"#;
+    let user = format!("{{ user: u, password: p, permissions: {{ publish: {{ deny: {denied} }} }} }}");
+    std::fs::write(&config, format!("authorization {{ users: [{user}] }}")).unwrap();
+    let Some(nats) = NatsServer::start_with(Some(config), Vec::new()) else { return };
+    let url = nats.url().replace("//", "//u:p@");
+    let server = ServerProcess::start_with_options(&folder.path().join("db.sqlite3"), &["--nats", &url]);
+    let api = server.api();
+    for run in ["a", "run"] {
+        create_run(&api, run, json!({})).await;
+        let _ = put_policy(&api, run, delivered(2)).await.expect(200);
+    }
+    let context = jetstream::new(async_nats::connect(&url).await.unwrap());
+    wait_until("the other feed is published", async || messages_of(&context, STREAM).await == Some(2)).await;
+    wait_until("the policy says what NATS denies", async || {
+        let error = policy(&api, "a").await["last_error"]["message"].to_string();
+        error.contains("NATS does not permit this user") && error.contains("FEED_a")
+    })
+    .await;
+    assert_eq!(last_error(&server).await, "");
 }

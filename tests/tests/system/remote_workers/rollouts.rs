@@ -195,3 +195,25 @@ async fn a_new_version_ends_rollouts_of_the_old_one() {
     let list = workers(&api).await;
     assert_eq!(number(&list["workers"][0]["errors"]), 0, "{list}");
 }
+
+/// A message has 512 KiB; larger results go through the object store, for which a worker's key needs permissions.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_worker_with_a_key_sends_results_larger_than_a_message() {
+    let Some(nats) = SecureNats::start() else { return };
+    let server = OptionServer::start(&nats.options("SERVER"));
+    let api = server.api();
+    let options = [&nats.options("WORKER")[..], &["--jobs", "rollout"].map(str::to_owned)].concat();
+    let _worker = WorkerProcess::start_with_options(&as_strs(&options));
+    wait_for_kind(&api, "rollout_built_in").await;
+    create_run(&api, "run", json!({"group_size": 16})).await;
+    let _ = put_policy(&api, "run", json!({"policy": "random", "max_unacknowledged_groups": 1}))
+        .await
+        .expect(200);
+    let group = claim(&api, "run", json!({"wait_s": 50})).await.remove(0);
+    let bytes = group.to_string().len();
+    assert!(bytes > 1 << 20, "{bytes} bytes");
+    assert_group_replays(&group);
+    assert!(done_remotely(&api).await >= 1);
+    let list = workers(&api).await;
+    assert_eq!(number(&list["workers"][0]["errors"]), 0, "{list}");
+}

@@ -1,5 +1,6 @@
 //! Settings of NATS that cannot work: the commands say so and end, or the server says what NATS rejects.
 
+use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
 
 use system_tests::nats_server::NatsServer;
@@ -85,6 +86,8 @@ async fn options_on_the_command_line_fit_a_url_in_the_file() {
     ];
     let server = ServerProcess::start_with_options(&folder.path().join("db.sqlite3"), &options);
     wait_until("the server waits for workers", async || reason(&server).await.contains("worker")).await;
+    let context = async_nats::jetstream::new(async_nats::connect(nats.url()).await.unwrap());
+    let _ = context.get_stream("SPARRING_team_JOBS").await.unwrap();
     drop(server);
     std::fs::write(&file, "nats-creds = \"seed\"\n").unwrap();
     let (code, stderr) = run("serve", &["--temporary", "--config", file.to_str().unwrap()]);
@@ -156,6 +159,26 @@ async fn user_and_password_of_a_url_are_used() {
     assert!(stderr.contains("NATS rejects this user") && !stderr.contains("wrong"), "{stderr}");
 }
 
+/// Containers start in any order: NATS may be away when a worker tries to connect first.
+#[tokio::test(flavor = "multi_thread")]
+async fn worker_that_waited_for_nats_names_a_wrong_password() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("nats.conf");
+    std::fs::write(&config, "authorization { user: team, password: secret }").unwrap();
+    let Some(mut nats) = NatsServer::start_with(Some(config), Vec::new()) else { return };
+    let url = nats.url().replace("//", "//team:wrong@");
+    nats.kill();
+    let mut command = Command::new(sparring_binary());
+    command.args(["worker", "--nats", &url]).stdout(Stdio::null()).stderr(Stdio::piped());
+    let mut worker = Killed(command.spawn().unwrap());
+    let mut lines = BufReader::new(worker.0.stderr.take().unwrap()).lines().map_while(Result::ok);
+    assert!(lines.any(|line| line.contains("NATS is away")));
+    nats.resume();
+    let rest: Vec<String> = lines.collect();
+    assert_eq!(worker.0.wait().unwrap().code(), Some(2), "{rest:?}");
+    assert!(rest.iter().any(|line| line.contains("NATS rejects this user")), "{rest:?}");
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn errors_of_tls_say_what_to_set() {
     let (Some(plain), Some(secure)) = (NatsServer::start(), SecureNats::start()) else { return };
@@ -196,8 +219,6 @@ impl Drop for Killed {
 #[cfg(unix)]
 #[tokio::test(flavor = "multi_thread")]
 async fn worker_that_starts_can_be_stopped() {
-    use std::io::{BufRead, BufReader};
-
     let mut command = Command::new(sparring_binary());
     command.args(["worker", "--nats", "nats://127.0.0.1:1"]).stdout(Stdio::null()).stderr(Stdio::piped());
     let mut worker = Killed(command.spawn().unwrap());
