@@ -61,8 +61,9 @@ async fn disturb(cluster: &mut WorkerCluster, used: &AtomicUsize, nats_killed_at
         tokio::time::sleep(Duration::from_millis(u64::from(13 * round))).await;
         if round % 2 == 0 {
             let nats = cluster.nats.as_mut().unwrap();
-            nats_killed_at.push(Instant::now());
             nats.kill();
+            // NATS may have confirmed an acknowledgement until it was dead.
+            nats_killed_at.push(Instant::now());
             nats.resume();
         } else {
             cluster.server.take().unwrap().kill();

@@ -162,7 +162,8 @@ async fn feed_without_permissions_stops_no_other_feed() {
         create_run(&api, run, json!({})).await;
         let _ = put_policy(&api, run, delivered(2)).await.expect(200);
     }
-    let context = jetstream::new(async_nats::connect(&url).await.unwrap());
+    let user = async_nats::ConnectOptions::with_user_and_password("u".to_owned(), "p".to_owned());
+    let context = jetstream::new(user.connect(nats.url()).await.unwrap());
     wait_until("the other feed is published", async || messages_of(&context, STREAM).await == Some(2)).await;
     wait_until("the policy says what NATS denies", async || {
         let error = policy(&api, "a").await["last_error"]["message"].to_string();
