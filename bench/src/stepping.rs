@@ -44,7 +44,7 @@ pub(crate) struct Workload {
 }
 
 pub(crate) const TRACKS: Workload = Workload { observe: "tracks", debris: 50, goal: 300_000.0 };
-const TELEMETRY: Workload = Workload { observe: "telemetry", debris: 25, goal: 1_000_000.0 };
+const ALL: Workload = Workload { observe: "all", debris: 25, goal: 1_000_000.0 };
 /// Number of different action frames that a session sends in turn.
 const ACTION_FRAMES: usize = 8;
 
@@ -192,7 +192,7 @@ async fn run() -> anyhow::Result<Vec<Row>> {
     let folder = tempfile::tempdir()?;
     let server = ServerProcess::start(&folder.path().join("bench.sqlite3"));
     let mut rows = Vec::new();
-    measure_shapes(&server, TELEMETRY, &mut rows).await?;
+    measure_shapes(&server, ALL, &mut rows).await?;
     let shape = measure_shapes(&server, TRACKS, &mut rows).await?;
     rows.push(Row {
         label: "memory of the server after all shapes".into(),
