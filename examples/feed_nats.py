@@ -15,8 +15,8 @@ import asyncio
 import json
 import os
 import ssl
-import sys
 import statistics
+import sys
 import urllib.error
 import urllib.request
 

@@ -108,6 +108,7 @@ impl Cli {
         match (&mut self.command, matches.subcommand()) {
             (Command::Serve(args), Some((_, matches))) => args.apply_precedence(matches),
             (Command::Critique(args), Some((_, matches))) => args.apply_precedence(matches),
+            (Command::Mcp(args), Some((_, matches))) => args.apply_precedence(matches),
             _ => {}
         }
     }

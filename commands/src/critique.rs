@@ -49,9 +49,13 @@ pub struct Args {
 }
 
 impl Args {
-    /// Ignores a seed of the configuration file without a policy: it is there for other subcommands.
+    /// Ignores a policy of the configuration file beside actions of the command line, and a seed of the file without a policy.
     pub fn apply_precedence(&mut self, matches: &ArgMatches) {
-        if self.policy.is_none() && matches.value_source("seed") == Some(ValueSource::DefaultValue) {
+        let is_from_file = |flag: &str| matches.value_source(flag) == Some(ValueSource::DefaultValue);
+        if is_from_file("policy") && self.actions.is_some() && !is_from_file("actions") {
+            self.policy = None;
+        }
+        if self.policy.is_none() && is_from_file("seed") {
             self.seed = None;
         }
     }

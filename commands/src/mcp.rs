@@ -6,6 +6,8 @@
 use std::io::{BufRead, Write};
 
 use anyhow::Context;
+use clap::ArgMatches;
+use clap::parser::ValueSource;
 use env_core::{SEED_REQUIREMENT, Seed};
 use serde_json::{Map, Value, json};
 use tokio::sync::mpsc;
@@ -56,6 +58,14 @@ fn parse_seed(text: &str) -> Result<u64, String> {
 }
 
 impl Args {
+    /// Ignores a run of the configuration file beside a task or a seed of the command line.
+    pub fn apply_precedence(&mut self, matches: &ArgMatches) {
+        let is_on_line = |flag: &str| matches.value_source(flag) == Some(ValueSource::CommandLine);
+        if (is_on_line("task") || is_on_line("seed")) && !is_on_line("run") {
+            self.run = None;
+        }
+    }
+
     /// Checks that a run has the URL of its server, which can be in the configuration file.
     ///
     /// # Errors

@@ -20,7 +20,7 @@ CONNECT_S = 30.0
 #: Timeout of the end of a connection, seconds.
 CLOSE_S = 2.0
 #: Wordings with which NATS rejects a user.
-REJECTIONS = ("authorization violation", "authentication expired", "authentication revoked")
+REJECTIONS = ("authorization violation", "authorization failed", "authentication expired", "authentication revoked")
 #: How to pass a user with a password.
 PASSWORD_HINT = "put its name and password into `server` (nats://user:password@host:4222)"
 
@@ -39,8 +39,9 @@ class NatsConnection(Client):
         self._requires_tls = ca_file is not None or any(address.startswith("tls://") for address in self._arguments["servers"])
         self._is_open = self._raises = False
         self._failure: Exception | None = None
-        #: Time of the first of the rejections that followed each other.
-        self._rejected_at: float | None = None
+        #: Rejection of the user, and the time of the first one, since the connection was open.
+        self._rejection: Exception | None = None
+        self._rejected_at = 0.0
         if credentials is not None:
             import nkeys  # type: ignore[import-not-found,import-untyped,unused-ignore]  # noqa: F401
 
@@ -51,9 +52,10 @@ class NatsConnection(Client):
             Exception: The server does not answer, rejects the user, or has no TLS although it is required.
         """
         self._raises = True
-        await asyncio.wait_for(self.connect(**self._arguments, error_cb=self._note), CONNECT_S)
+        await asyncio.wait_for(self.connect(**self._arguments, error_cb=self._note, reconnected_cb=self._note_open), CONNECT_S)
         self._check_tls()
-        self._is_open, self._raises, self._failure = True, False, None
+        self._is_open, self._raises = True, False
+        await self._note_open()
 
     async def close(self) -> None:
         """Disconnects, within `CLOSE_S`: after a failed TLS handshake, nats-py waits for the end of a connection without end.
@@ -66,7 +68,8 @@ class NatsConnection(Client):
 
     def explain(self, error: Exception) -> str:
         """Returns why a connection or a request has failed, and how to fix it."""
-        cause = self._failure if isinstance(error, asyncio.TimeoutError) and self._failure is not None else error
+        noted = self._rejection or self._failure
+        cause = noted if isinstance(error, asyncio.TimeoutError) and noted is not None else error
         text = str(cause) or type(cause).__name__
         if isinstance(cause, SecureConnWantedError):
             return (
@@ -88,13 +91,12 @@ class NatsConnection(Client):
 
     def reason_of_end(self, patience_s: float) -> str | None:
         """Returns why the connection does not open again, or None: it was closed, or NATS rejects the user for so many seconds."""
-        if self.is_connected:
-            self._rejected_at = None
-        is_rejected = self._rejected_at is not None and time.monotonic() - self._rejected_at > patience_s
-        if not self.is_closed and not is_rejected:
+        if self.is_closed:
+            error = self.last_error or self._failure
+            return "the connection was closed" if error is None else self.explain(error)
+        if self._rejection is None or time.monotonic() - self._rejected_at < patience_s:
             return None
-        error = self._failure or self.last_error
-        return "the connection was closed" if error is None else self.explain(error)
+        return self.explain(self._rejection)
 
     def _explain_rejection(self) -> str:
         if self._credentials is not None:
@@ -110,13 +112,18 @@ class NatsConnection(Client):
         A first attempt ends with an error that does not pass, if there is no other address.
         """
         self._failure = error
-        if not _is_rejection(error):
-            self._rejected_at = None
-        elif self._rejected_at is None:
-            self._rejected_at = time.monotonic()
-        stays = isinstance(error, (SecureConnWantedError, ssl.SSLCertVerificationError)) or _is_rejection(error)
-        if self._raises and stays and len(self._arguments["servers"]) == 1:
+        if _is_rejection(error):
+            self._rejected_at = time.monotonic() if self._rejection is None else self._rejected_at
+            self._rejection = error
+        elif len(self._server_pool) == 1:
+            self._rejection = None  # the server is away
+        is_lasting = isinstance(error, (SecureConnWantedError, ssl.SSLCertVerificationError)) or _is_rejection(error)
+        if self._raises and is_lasting and len(self._arguments["servers"]) == 1:
             raise error
+
+    async def _note_open(self) -> None:
+        """Forgets errors of earlier connections."""
+        self._failure = self._rejection = None
 
     def _connect_command(self) -> bytes:
         # nats-py calls it before it sends the first bytes of each connection, which have the credentials.

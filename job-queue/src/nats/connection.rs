@@ -65,6 +65,8 @@ impl NatsError {
     /// Describes a failed attempt to connect.
     fn connecting(error: &ConnectError) -> Self {
         let text = error.to_string();
+        // The time of each attempt would make it another reason.
+        let text = text.split(": verification time").next().unwrap_or_default();
         match error.kind() {
             ConnectErrorKind::AuthorizationViolation | ConnectErrorKind::Authentication => {
                 Self::Rejected("NATS rejects this user".to_owned())

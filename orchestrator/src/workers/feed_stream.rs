@@ -152,31 +152,31 @@ impl FeedStreamWorker {
         }
     }
 
-    /// Logs why no feed is published, unless the log has it. A reason that comes again, or against which waiting does not help, is shown
+    /// Logs why no feed is published, unless the log has it. A reason that is repeated, or against which waiting does not help, is shown
     /// in the policies of the runs; the others are over after a moment.
     async fn note_interruption(&mut self, error: NatsError) -> Result<(), ServiceError> {
         let is_known = self.logged.as_ref() == Some(&error);
         if !is_known {
             tracing::warn!(%error, "Feeds are not published; trainers can use HTTP.");
         }
-        if is_known || !error.passes() {
-            self.show_in_policies(&error.to_string()).await?;
-        }
+        let (is_lasting, reason) = (!error.passes(), error.to_string());
         self.logged = Some(error);
-        Ok(())
+        if is_known || is_lasting { self.show_in_policies(&reason).await } else { Ok(()) }
     }
 
     /// Shows that the user of NATS may not publish the feed of a run, and leaves it out for a while, so that the others are published.
     async fn note_denial(&mut self, run: String, error: &NatsError) -> Result<(), ServiceError> {
         let reason = error.to_string();
-        tracing::warn!(
-            run,
-            error = reason,
-            "The feed of a run could not be published; the server tries again."
-        );
-        self.errors.show(&self.writer, &run, &reason).await?;
-        self.denied.insert(run, FailedFeed { reason, retry_at: Instant::now() + DENIED_PAUSE });
-        Ok(())
+        if self.denied.get(&run).is_none_or(|denied| denied.reason != reason) {
+            tracing::warn!(
+                run,
+                error = reason,
+                "The feed of a run could not be published; the server tries again."
+            );
+        }
+        let failed = FailedFeed { reason: reason.clone(), retry_at: Instant::now() + DENIED_PAUSE };
+        self.denied.insert(run.clone(), failed);
+        self.errors.show(&self.writer, &run, &reason).await
     }
 
     /// Shows in the policies of runs why no feed is published.

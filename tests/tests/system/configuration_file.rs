@@ -81,6 +81,9 @@ fn needed_option_can_be_in_the_configuration_file() {
     assert!(fixture.serves(options));
     let (code, stderr) = fixture.run("critique scenario.json --seed 3");
     assert_eq!(code, Some(0), "{stderr}");
+    std::fs::write(fixture.path().join("actions.json"), "{}").unwrap();
+    let (_, stderr) = fixture.run("critique scenario.json --actions actions.json");
+    assert!(stderr.contains("actions.json"), "the file has a policy: {stderr}");
     let (code, stderr) = fixture.run("mcp --run r");
     assert!(stderr.contains("no server responds at http://127.0.0.1:1"), "{code:?} {stderr}");
 }

@@ -153,7 +153,7 @@ impl FeedConnection {
                 (false, false) => return Err(FeedError::OtherServer { stream: name, owner }),
                 // A run with this id was deleted while NATS was away.
                 (true, false) => self.delete_feed(&settings.run).await?,
-                (false, true) if self.servers.runs(&owner).await? => {
+                (false, true) if self.servers.is_running(&owner).await? => {
                     return Err(FeedError::Copy { owner });
                 }
                 // The database may have moved to another host.

@@ -75,8 +75,9 @@ impl ServersOfCluster {
         })))
     }
 
-    /// Returns true if a server runs: it was connected in the last [`TAKEOVER_TIME`] of this connection. One that hangs runs too.
-    pub(super) async fn runs(&self, server: &str) -> Result<bool, NatsError> {
+    /// Returns true if a server runs. One that hangs runs too. One that was not connected runs until [`TAKEOVER_TIME`] after the first
+    /// question that found it so.
+    pub(super) async fn is_running(&self, server: &str) -> Result<bool, NatsError> {
         if let Some(SilentServer::Hanging { asked }) = self.silent.lock().get(server)
             && asked.elapsed() < HANG_PAUSE
         {

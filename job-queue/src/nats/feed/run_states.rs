@@ -83,7 +83,7 @@ impl RunStateBucket {
         let copies: BTreeSet<&String> = same_runs.map(|known| &known.server).collect();
         let mut running = BTreeSet::new();
         for server in copies {
-            if self.servers.runs(server).await? {
+            if self.servers.is_running(server).await? {
                 running.insert(server.clone());
             }
         }

@@ -215,7 +215,8 @@ impl LinkState {
     /// Logs why the worker connects again, unless the log has it: attempts follow each other.
     fn log(&mut self, error: &NatsError) {
         if self.logged.as_ref() != Some(error) {
-            tracing::warn!(error = %error, "NATS is away; the worker connects again.");
+            let problem = if error.passes() { "is away" } else { "cannot be used" };
+            tracing::warn!(error = %error, "NATS {problem}; the worker connects again.");
             self.logged = Some(error.clone());
         }
     }

@@ -1,36 +1,55 @@
 //! Reasons why feeds are not published, as the policies of their runs show them.
 
 use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
 
 use crate::engine::error::ServiceError;
 use crate::engine::writer::Writer;
 use crate::rollouts::settings::SetFeedError;
 
-/// For each run: true if its policy may show that its feed is not published. A run without an entry may show it since an earlier
-/// process.
+/// Time after which a reason is shown again: a rollout may have shown another error meanwhile.
+const REPEAT_INTERVAL: Duration = Duration::from_secs(10);
+
+/// State of each feed that the policy of its run shows. A run without an entry may show the reason of an earlier process.
 #[derive(Debug, Default)]
-pub(super) struct FeedErrors(BTreeMap<String, bool>);
+pub(super) struct FeedErrors(BTreeMap<String, ShownState>);
+
+/// State of a feed that a policy shows.
+#[derive(Debug)]
+enum ShownState {
+    /// The feed is published.
+    Published,
+    /// The feed is not published.
+    Failed { reason: String, shown_at: Instant },
+}
 
 impl FeedErrors {
-    /// Shows why the feed of a run is not published. It is called again while the feed fails, since a rollout may show another error.
+    /// Shows why the feed of a run is not published. It is called again and again while the feed fails.
     pub(super) async fn show(
         &mut self,
         writer: &Writer,
         run: &str,
         reason: &str,
     ) -> Result<(), ServiceError> {
+        if let Some(ShownState::Failed { reason: shown, shown_at }) = self.0.get(run)
+            && shown == reason
+            && shown_at.elapsed() < REPEAT_INTERVAL
+        {
+            return Ok(());
+        }
         // Before the change, which may be committed although its caller stops waiting.
-        self.0.insert(run.to_owned(), true);
+        let state = ShownState::Failed { reason: reason.to_owned(), shown_at: Instant::now() };
+        self.0.insert(run.to_owned(), state);
         writer.change(SetFeedError { run: run.to_owned(), reason: Some(reason.to_owned()) }).await
     }
 
     /// Shows that the feed of a run is published.
     pub(super) async fn clear(&mut self, writer: &Writer, run: &str) -> Result<(), ServiceError> {
-        if self.0.get(run) == Some(&false) {
+        if matches!(self.0.get(run), Some(ShownState::Published)) {
             return Ok(());
         }
         writer.change(SetFeedError { run: run.to_owned(), reason: None }).await?;
-        self.0.insert(run.to_owned(), false);
+        self.0.insert(run.to_owned(), ShownState::Published);
         Ok(())
     }
 

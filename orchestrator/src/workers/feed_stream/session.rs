@@ -56,6 +56,8 @@ pub(super) struct FeedSession<'a> {
     refresh_at: Instant,
     /// True if a server with a copy of the database keeps the states of some runs.
     has_copy: bool,
+    /// Time from which the server checks again whether the other one runs.
+    copy_check_at: Instant,
     /// True if a round left groups to publish.
     has_more: bool,
 }
@@ -81,6 +83,7 @@ impl<'a> FeedSession<'a> {
             is_dirty: true,
             refresh_at: Instant::now(),
             has_copy: false,
+            copy_check_at: Instant::now(),
             has_more: false,
         };
         while session.is_dirty {
@@ -99,6 +102,10 @@ impl<'a> FeedSession<'a> {
     pub(super) async fn run(&mut self) -> Result<Infallible, FeedSessionEnd> {
         loop {
             self.worker.groups.mark_unchanged();
+            if self.has_copy && Instant::now() >= self.copy_check_at {
+                self.is_dirty = true;
+                self.copy_check_at = Instant::now() + IDLE_INTERVAL;
+            }
             if self.is_dirty && Instant::now() >= self.refresh_at {
                 let started = Instant::now();
                 self.refresh().await?;
@@ -106,15 +113,18 @@ impl<'a> FeedSession<'a> {
             }
             self.publish_feeds().await?;
             if self.worker.logged.take().is_some() {
-                tracing::info!("Feeds are published again.");
+                tracing::info!("The server can publish feeds again.");
             }
             tokio::time::sleep(MIN_PAUSE).await;
             if self.has_more {
                 self.is_dirty |= self.worker.runs.has_changed().unwrap_or(true);
                 continue;
             }
-            let has_waiting = self.feeds.values().any(|feed| !feed.is_empty()) || !self.failed.is_empty();
+            let has_waiting = self.feeds.values().any(|feed| !feed.is_empty());
             let mut pause = if has_waiting { POLL_INTERVAL } else { IDLE_INTERVAL };
+            for failed in self.failed.values() {
+                pause = pause.min(failed.retry_at.saturating_duration_since(Instant::now()));
+            }
             if self.is_dirty {
                 pause = pause.min(self.refresh_at.saturating_duration_since(Instant::now()));
             }
@@ -124,7 +134,7 @@ impl<'a> FeedSession<'a> {
                     changed.map_err(|_| FeedSessionEnd::Stopping)?;
                     self.is_dirty = true;
                 }
-                () = tokio::time::sleep(pause) => self.is_dirty |= self.has_copy,
+                () = tokio::time::sleep(pause) => {}
             }
         }
     }
@@ -177,7 +187,10 @@ impl<'a> FeedSession<'a> {
         }
         self.has_more = false;
         let mut unpublished = 0;
-        for settings in self.wanted.clone() {
+        let mut wanted = self.wanted.clone();
+        // A denied feed ends the connection, so the others come first.
+        wanted.sort_by_key(|settings| self.worker.denied.contains_key(&settings.run));
+        for settings in wanted {
             let run = settings.run.clone();
             if self.failed.get(&run).is_some_and(|failed| now < failed.retry_at) {
                 continue;
@@ -229,7 +242,7 @@ impl<'a> FeedSession<'a> {
     }
 
     /// Notes that a feed failed: in the log, and in the policy of the run. Another server keeps its feed, which is shown at once; other
-    /// errors are shown when they come again, since most of them pass.
+    /// errors are shown when they are repeated, since most of them pass.
     async fn note_failure(&mut self, run: String, error: &FeedError) -> Result<(), FeedSessionEnd> {
         let reason = error.to_string();
         let is_known = self.failed.get(&run).is_some_and(|failed| failed.reason == reason);
