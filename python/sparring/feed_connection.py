@@ -90,7 +90,7 @@ class NatsConnection(Client):
         return text if self._is_open else f"NATS does not answer ({text}): check `server`"
 
     def reason_of_end(self, patience_s: float) -> str | None:
-        """Returns why the connection does not open again, or None: it was closed, or NATS rejects the user for so many seconds."""
+        """Returns why the connection does not open again, or None. NATS may reject the user for so many seconds."""
         if self.is_closed:
             error = self.last_error or self._failure
             return "the connection was closed" if error is None else self.explain(error)

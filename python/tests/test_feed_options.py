@@ -102,7 +102,7 @@ def test_invalid_address_is_shown_without_password(scheme, password):
 
 
 def test_list_of_addresses_is_refused_without_its_password():
-    with pytest.raises(ValueError, match="^`server` must be an address such as .* got <class 'list'>$"):
+    with pytest.raises(ValueError, match=r"^`server` must be an address such as .* got <class 'list'>$"):
         sparring.feed.nats(["nats://user:pw@a"], "my-run")
 
 
