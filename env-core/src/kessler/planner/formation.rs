@@ -4,6 +4,7 @@
 //! and orientation of the triangle are left free, which costs least. The planner searches the few gains of
 //! the law, the look-ahead for debris, and evasive burns for satellites that are lost all the same.
 
+use super::coasting_courses::CoastingCourses;
 use super::ephemeris::DebrisEphemeris;
 use super::evaluate::plan_outcome;
 use super::look_ahead::LookAhead;
@@ -13,7 +14,7 @@ use super::transfer::affordable_burn;
 use crate::episode_rng::{EpisodeRng, RngStream, SeededRng};
 use crate::kessler::constants::{FORMATION_SIDE, GOAL_THRESHOLD, HORIZON, SATELLITES};
 use crate::kessler::kernel::{Body, Gravity};
-use crate::kessler::reward::Objective;
+use crate::kessler::reward::{FleetState, Objective, score};
 use crate::kessler::setup::KesslerSetup;
 use crate::seed::Seed;
 
@@ -41,6 +42,8 @@ const RANDOM_GAIN_TRIALS: u32 = 70;
 const LOCAL_GAIN_TRIALS: u32 = 50;
 /// Number of evasive maneuvers tried if a satellite is lost.
 const EVASION_TRIALS: u32 = 220;
+/// Allowance for the rounding of a score that is summed up in another order.
+const ROUNDING: f64 = 1e-9;
 /// Longest time that an evasive maneuver suspends formation keeping, steps.
 const MAX_EVASION_STEPS: f64 = 8.0;
 
@@ -112,6 +115,8 @@ struct FormationSearch<'a> {
     best: [Trajectory; SATELLITES],
     best_worth: f64,
     trial: [Trajectory; SATELLITES],
+    /// Courses of the trial.
+    courses: CoastingCourses,
     /// Plan of the best gains and look-ahead, without an evasive maneuver.
     without_maneuver: [Trajectory; SATELLITES],
 }
@@ -139,13 +144,14 @@ pub(super) fn search(
         holds,
         best: avoidance,
         best_worth: 0.0,
+        courses: CoastingCourses::new(trial[0].bodies[0]),
         trial,
         without_maneuver,
     };
     search.best_worth = search.worth_of(&search.best);
     let mut best_gains = FormationGains::DEFAULT;
     let mut best_look_ahead = LookAhead::DEFAULT;
-    search.propagate_trial(&best_gains, &best_look_ahead, None);
+    search.propagate_trial(&best_gains, &best_look_ahead, None, f64::NEG_INFINITY);
     search.keep_if_better();
     for trial in 0..RANDOM_GAIN_TRIALS + LOCAL_GAIN_TRIALS {
         if !is_wanted() {
@@ -153,18 +159,18 @@ pub(super) fn search(
         }
         let gains = if trial < RANDOM_GAIN_TRIALS { draw_gains(rng) } else { perturb_gains(best_gains, rng) };
         let look_ahead = draw_look_ahead(rng);
-        search.propagate_trial(&gains, &look_ahead, None);
-        if search.keep_if_better() {
+        if search.propagate_trial(&gains, &look_ahead, None, search.best_worth) && search.keep_if_better() {
             (best_gains, best_look_ahead) = (gains, look_ahead);
         }
     }
-    search.propagate_trial(&best_gains, &best_look_ahead, None);
+    search.propagate_trial(&best_gains, &best_look_ahead, None, f64::NEG_INFINITY);
     search.without_maneuver.clone_from(&search.trial);
     for _ in 0..EVASION_TRIALS {
         let Some(loss) = search.draw_loss(rng).filter(|_| is_wanted()) else { break };
         let maneuver = draw_maneuver(loss, rng);
-        search.propagate_trial(&best_gains, &best_look_ahead, Some(maneuver));
-        search.keep_if_better();
+        if search.propagate_trial(&best_gains, &best_look_ahead, Some(maneuver), search.best_worth) {
+            search.keep_if_better();
+        }
     }
     search.best
 }
@@ -208,19 +214,26 @@ fn draw_maneuver(loss: PlanLoss, rng: &mut SeededRng) -> EvasiveManeuver {
 }
 
 impl FormationSearch<'_> {
-    /// Propagates the control law with collision avoidance and an optional evasive maneuver into `trial`.
+    /// Propagates the control law with collision avoidance and an optional evasive maneuver into `trial`. Returns false if
+    /// it ended early, because the plan cannot be worth more than `best_worth`.
     fn propagate_trial(
         &mut self,
         gains: &FormationGains,
         look_ahead: &LookAhead,
         maneuver: Option<EvasiveManeuver>,
-    ) {
+        best_worth: f64,
+    ) -> bool {
         // Up to the maneuver the trial is the plan without one.
         let first = maneuver.map_or(1, |maneuver| maneuver.step);
         for (i, trajectory) in self.trial.iter_mut().enumerate() {
             let from = if maneuver.is_some() { &self.without_maneuver[i] } else { self.holds[i] };
             trajectory.branch_from(from, first);
             trajectory.loss = from.loss.filter(|loss| loss.step < first);
+        }
+        self.courses.forget();
+        let mut bound = FormationBound { best_worth, so_far: 0.0 };
+        if (1..first).any(|step| !bound.can_exceed(&self.trial, step)) {
+            return false;
         }
         for step in first..=HORIZON {
             let t = step as usize;
@@ -240,7 +253,8 @@ impl FormationSearch<'_> {
                 };
                 affordable_burn(dvx, dvy, self.trial[i].fuel[t - 1])
             });
-            let contacts = look_ahead.contacts_of_plans(bodies, planned, self.ephemeris, t - 1);
+            let flying = std::array::from_fn(|i| self.trial[i].loss.is_none().then_some(bodies[i]));
+            let contacts = self.courses.contacts_of_plans(look_ahead, flying, planned, self.ephemeris, t - 1);
             for (i, trajectory) in self.trial.iter_mut().enumerate() {
                 if trajectory.loss.is_some() {
                     continue;
@@ -251,7 +265,11 @@ impl FormationSearch<'_> {
                 });
                 trajectory.advance(self.ephemeris, step, burn);
             }
+            if !bound.can_exceed(&self.trial, step) {
+                return false;
+            }
         }
+        true
     }
 
     /// Score of a plan, plus one if its episode is a success.
@@ -287,5 +305,35 @@ impl FormationSearch<'_> {
             .collect();
         let index = rng.uniform_in(RngStream::Planner, 0.0, losses.len() as f64) as usize;
         losses.get(index).copied()
+    }
+}
+
+/// Upper bound of the worth of a plan in progress.
+struct FormationBound {
+    /// Worth that the plan must exceed.
+    best_worth: f64,
+    /// Reward of the steps so far.
+    so_far: f64,
+}
+
+impl FormationBound {
+    /// Counts `step`. Returns false if even a perfect triangle in all later steps, without further losses, would not exceed
+    /// the best. Fragments only lose more.
+    fn can_exceed(&mut self, plan: &[Trajectory; SATELLITES], step: u32) -> bool {
+        let t = step as usize;
+        let survives = |trajectory: &Trajectory| trajectory.loss.is_none_or(|loss| step < loss.step);
+        let survival = |trajectory: &Trajectory| {
+            if survives(trajectory) { trajectory.survival[t] } else { 0.0 }
+        };
+        let fleet = FleetState {
+            bodies: plan.each_ref().map(|trajectory| trajectory.bodies[t]),
+            fuel: plan.each_ref().map(|trajectory| trajectory.fuel[t]),
+            survival: plan.each_ref().map(survival),
+        };
+        let reward = |goal| Objective::Formation.reward(&fleet, 1.0, goal);
+        self.so_far += reward(Objective::Formation.goal(&fleet));
+        let later = f64::from(HORIZON - step) * reward(fleet.survival.iter().product());
+        let bonus = f64::from(u8::from(plan.iter().all(survives)));
+        score(self.so_far + later) + bonus > self.best_worth - ROUNDING
     }
 }

@@ -120,6 +120,6 @@ fn first_contacts<const N: usize>(
 }
 
 /// Returns the body after a burn that changes its velocity by (`dvx`, `dvy`).
-fn after_burn(body: Body, [dvx, dvy]: [f64; 2]) -> Body {
+pub(super) fn after_burn(body: Body, [dvx, dvy]: [f64; 2]) -> Body {
     Body { vx: body.vx + dvx, vy: body.vy + dvy, ..body }
 }

@@ -3,9 +3,10 @@
 //!
 //! The planner has hindsight: it knows rogues to come and debris that no radar sees. Its score is a lower
 //! bound on the best, not the best. `panel` holds the blind plans; `avoidance`, `transfer` and `formation`
-//! search plans per objective; `evaluate` computes the outcome of a plan.
+//! search plans per objective; `coasting_courses` keeps what a look-ahead foresaw; `evaluate` computes the outcome of a plan.
 
 mod avoidance;
+mod coasting_courses;
 pub(in crate::kessler) mod ephemeris;
 pub(in crate::kessler) mod evaluate;
 pub(in crate::kessler) mod formation;
