@@ -92,7 +92,7 @@ fn choose_sampler(plan: &TaskPlan) -> (SamplerName, &'static str) {
 }
 
 impl Sampler for Auto {
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const SUMMARY: &'static str = "Each task has the sampler that a table names for it.";
 
     fn new(plan: &TaskPlan) -> Self {

@@ -25,7 +25,7 @@ fn weight(success: &DecayedSuccess) -> f64 {
 }
 
 impl Sampler for Bandit {
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const SUMMARY: &'static str = "Rungs are drawn by p(1 − p) of their success rate p: those that succeed about half of the time most.";
 
     fn new(_: &TaskPlan) -> Self {

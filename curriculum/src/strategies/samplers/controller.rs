@@ -18,7 +18,7 @@ pub(in crate::strategies) struct Controller {
 }
 
 impl Sampler for Controller {
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const SUMMARY: &'static str = "The task's position on its rungs follows a success rate of one half.";
 
     fn new(_: &TaskPlan) -> Self {

@@ -134,7 +134,9 @@ impl<S: Sampler> Strategy for Sampled<S> {
         let plan = shares::pick_task(ctx.settings, rng.uniform());
         let setting = SamplerSetting::new(plan, ctx.settings);
         let state = self.tasks.entry(plan.task.clone()).or_insert_with(|| TaskState::new(plan));
-        if rng.bernoulli(state.coverage_probability(&setting)) {
+        let coverage = state.coverage_probability(&setting);
+        // Without coverage nothing is drawn for it, so that `auto` makes the draws of `uniform` where it draws levels uniformly.
+        if coverage > 0.0 && rng.bernoulli(coverage) {
             let rung = rng.below(setting.rungs.len());
             let why = format!("{}, drawn uniformly, so that no rung is forgotten", setting.name(rung));
             return Proposal { why, ..setting.rungs.propose(rung, ProposalRole::Coverage, &mut rng) };

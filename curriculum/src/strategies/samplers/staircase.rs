@@ -25,7 +25,7 @@ pub(in crate::strategies) struct Staircase {
 }
 
 impl Sampler for Staircase {
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const SUMMARY: &'static str =
         "Chains climb a fraction of a rung after each success and fall as much after each failure.";
 

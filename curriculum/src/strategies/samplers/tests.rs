@@ -1,6 +1,7 @@
 //! Laws of the samplers, with learners whose success depends on the rung alone.
 
 use env_core::keyed_rng::RngPurpose;
+use env_core::space::START_SCALE;
 
 use super::*;
 use crate::core::settings::StrategyKind;
@@ -81,6 +82,33 @@ fn samplers_settle_where_half_of_the_episodes_succeed() {
             assert!(flown[..20].iter().all(|group| group.rung <= 2), "{strategy}");
         }
     }
+}
+
+/// So `auto` cannot be worse there than uniform levels, but for noise.
+#[test]
+fn auto_proposes_as_uniform_where_its_table_names_it() {
+    for task in ["kessler/rendezvous", "kessler/eco_station", "kessler/formation", "tasking/imaging"] {
+        assert_eq!(scenarios(StrategyKind::Auto, task), scenarios(StrategyKind::Uniform, task), "{task}");
+    }
+    assert_ne!(scenarios(StrategyKind::Auto, SURVIVAL), scenarios(StrategyKind::Uniform, SURVIVAL));
+}
+
+/// Level, contest and params of a proposed scenario. A full start is no param.
+type ProposedScenario = (Option<u32>, bool, Vec<(String, f64)>);
+
+/// Scenarios of 500 groups, each of which fails before the next is proposed.
+fn scenarios(strategy: StrategyKind, task: &str) -> Vec<ProposedScenario> {
+    let mut curriculum = Curriculum::new(5, settings(strategy, task)).unwrap();
+    let mut groups = Vec::new();
+    for _ in 0..500 {
+        let SequencedProposal { seq, proposal } = curriculum.propose();
+        let outcome = GroupOutcome::missing(seq, 0, &proposal);
+        curriculum.observe(&GroupOutcome { finished: 1, usable: true, evidence: None, steps: 10, ..outcome });
+        let is_scaled = |(name, value): &(String, f64)| name != START_SCALE.name || *value < 1.0;
+        let params = proposal.params.into_iter().filter(is_scaled).collect();
+        groups.push((proposal.level, proposal.contested, params));
+    }
+    groups
 }
 
 #[test]
