@@ -6,8 +6,9 @@
 
 use std::borrow::Cow;
 use std::cell::RefCell;
+use std::io;
 
-use zstd::bulk::Compressor;
+use zstd::bulk::{Compressor, Decompressor};
 
 use super::StoreError;
 
@@ -23,6 +24,8 @@ const MAX_BLOB_BYTES: usize = 64 << 20;
 thread_local! {
     /// Compressor of this thread. Creating one takes longer than compressing a blob.
     static COMPRESSOR: RefCell<Option<Compressor<'static>>> = const { RefCell::new(None) };
+    /// Decompressor of this thread, for the same reason.
+    static DECOMPRESSOR: RefCell<Option<Decompressor<'static>>> = const { RefCell::new(None) };
 }
 
 /// Packs a blob whose first byte is not [`PACKED`].
@@ -57,12 +60,23 @@ pub(crate) fn unpack<'a>(item: &'static str, stored: &'a [u8]) -> Result<Cow<'a,
     if length > MAX_BLOB_BYTES {
         return Err(StoreError::corrupt(item, format!("it would have {length} bytes")));
     }
-    let blob = zstd::bulk::decompress(frame, length).map_err(|error| StoreError::corrupt(item, error))?;
+    let blob = decompress(frame, length).map_err(|error| StoreError::corrupt(item, error))?;
     if blob.len() != length {
         let why = format!("it has {} bytes instead of {length}", blob.len());
         return Err(StoreError::corrupt(item, why));
     }
     Ok(Cow::Owned(blob))
+}
+
+/// Decompresses a frame of at most `max_bytes` bytes.
+fn decompress(frame: &[u8], max_bytes: usize) -> io::Result<Vec<u8>> {
+    DECOMPRESSOR.with_borrow_mut(|decompressor| {
+        let decompressor = match decompressor {
+            Some(decompressor) => decompressor,
+            none => none.insert(Decompressor::new()?),
+        };
+        decompressor.decompress(frame, max_bytes)
+    })
 }
 
 #[cfg(test)]
