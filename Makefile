@@ -36,8 +36,6 @@ wheel-environments: check-cargo check-python
 
 # A build from scratch takes less time and disk without the files for incremental compilation.
 test test-python test-browser test-trainers test-heavy: export CARGO_INCREMENTAL ?= 0
-# A panic prints its file and line without debug information, which is a fifth of the time to compile the workspace.
-test test-python test-browser test-trainers test-heavy: export CARGO_PROFILE_DEV_DEBUG ?= false
 # clippy-driver compiles the tests and lints them in one pass; a separate `cargo clippy` would compile all dependencies once more,
 # which takes minutes. `make lint` also checks code behind features.
 test test-python test-browser test-trainers test-heavy: export RUSTC_WORKSPACE_WRAPPER := clippy-driver
