@@ -34,6 +34,8 @@ COLUMNS = (
     "arm", "seeds", "thousand steps to {0}", "mean", "ratio", "to {1}", "ratio", "area", "against uniform levels", "final",
     "worst tenth", "zero variance",
 )  # fmt: skip
+#: Most arms of a figure in which each has the range of its seeds.
+FEW_ARMS = 5
 
 #: Columns of the table of designed layouts.
 DESIGN_COLUMNS = ("problem", "pairs", "worst tenth", "mean", "aimed failure", "aimed mode (pairs)")
@@ -163,32 +165,36 @@ def _write_curves(outcomes: Sequence[Outcome], file: Path) -> None:
 
 
 def _draw(problem: Problem, outcomes: Sequence[Outcome], file: Path) -> None:
-    """Draws the mean curves with the range of the seeds, and the share of trainings below the first threshold."""
+    """Draws the mean curves with the range of the seeds, and the share of trainings below the first threshold.
+
+    Among many arms, the baseline and `auto` are thick and have the range, so that it can be seen.
+    """
+    drawn = [arm for arm in ARMS if of_arm(outcomes, arm.name)]
 
     def draw(axes: Any) -> None:
-        for arm in ARMS:
+        for arm in drawn:
             trainings = of_arm(outcomes, arm.name)
-            if not trainings:
-                continue
+            is_main = len(drawn) <= FEW_ARMS or arm.name in (BASELINE_ARM, CONTROL_ARM)
             color = f"C{ARMS.index(arm) % 10}"
-            style = "-" if ARMS.index(arm) < 10 else "--"
+            line = {"linestyle": "-" if ARMS.index(arm) < 10 else "--", "linewidth": 1.5 if is_main else 0.8}
             grid = trainings[0].steps  # trainings end rollouts, and so evaluate, at different steps
             values = np.array([np.interp(grid, outcome.steps, outcome.values) for outcome in trainings])
             steps = grid / 1e6
-            axes[0].plot(steps, values.mean(axis=0), style, color=color, label=arm.name)
-            axes[0].fill_between(steps, values.min(axis=0), values.max(axis=0), color=color, alpha=0.12, linewidth=0)
-            _draw_survival(axes[1], problem, trainings, color, style)
+            axes[0].plot(steps, values.mean(axis=0), color=color, label=arm.name, **line)
+            if is_main:
+                axes[0].fill_between(steps, values.min(axis=0), values.max(axis=0), color=color, alpha=0.12, linewidth=0)
+            _draw_survival(axes[1], problem, trainings, color=color, label=arm.name, **line)
         axes[0].set_ylabel(f"held-out {problem.measure}")
         axes[0].axhline(problem.thresholds[0], color="black", linewidth=0.8, linestyle=":")
         axes[1].set_ylabel(f"trainings below {problem.thresholds[0]}")
-        axes[0].legend(frameon=False, fontsize=7)
+        axes[1 if len(drawn) > FEW_ARMS else 0].legend(frameon=False, fontsize=7)
         for axis in axes:
             axis.set_xlabel("environment steps, millions")
 
     save_figure(file, 2, draw)
 
 
-def _draw_survival(axis: Any, problem: Problem, trainings: Sequence[Outcome], color: str, style: str) -> None:
+def _draw_survival(axis: Any, problem: Problem, trainings: Sequence[Outcome], **line: Any) -> None:
     """Draws the estimate of Kaplan and Meier (1958) of the share of trainings that have not reached the threshold."""
     from scipy import stats
 
@@ -199,4 +205,4 @@ def _draw_survival(axis: Any, problem: Problem, trainings: Sequence[Outcome], co
     )
     survival = stats.ecdf(times).sf
     axis.step([0.0, *survival.quantiles, problem.budget / 1e6], [1.0, *survival.probabilities, survival.probabilities[-1]],
-              style, color=color, where="post")  # fmt: skip
+              where="post", **line)  # fmt: skip
