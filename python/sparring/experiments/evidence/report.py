@@ -34,7 +34,7 @@ COLUMNS = (
     "arm", "seeds", "thousand steps to {0}", "mean", "ratio", "to {1}", "ratio", "area", "against uniform levels", "final",
     "worst tenth", "zero variance",
 )  # fmt: skip
-#: Most arms of a figure in which each has the range of its seeds.
+#: Largest number of arms of a figure in which each has the range of its seeds.
 FEW_ARMS = 5
 
 #: Columns of the table of designed layouts.
@@ -167,7 +167,7 @@ def _write_curves(outcomes: Sequence[Outcome], file: Path) -> None:
 def _draw(problem: Problem, outcomes: Sequence[Outcome], file: Path) -> None:
     """Draws the mean curves with the range of the seeds, and the share of trainings below the first threshold.
 
-    Among many arms, the baseline and `auto` are thick and have the range, so that it can be seen.
+    Among many arms, only the baseline and `auto` have the range, so that the curves stay readable.
     """
     drawn = [arm for arm in ARMS if of_arm(outcomes, arm.name)]
 
