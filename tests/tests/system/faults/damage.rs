@@ -69,10 +69,12 @@ impl DamagedServer {
         self.folder.path().join("monday.sqlite3")
     }
 
-    /// Sends changes and reads until the server is not ready, and returns the reason. No response is an internal error.
-    async fn wait_until_not_ready(&self) -> String {
+    /// Sends changes and reads until the server is not ready, and returns the reason. No response is an internal error. Before each
+    /// round the damage is done again: a log that is truncated just after it was copied into the database has lost nothing.
+    async fn wait_until_not_ready(&self, damage: impl Fn(&Path)) -> String {
         let api = self.process.api();
         wait_for("the server notices the damage", async || {
+            damage(&self.db());
             self.assert_no_internal_error(&api).await;
             let ready = api.get("/readyz").await;
             (ready.status == 503).then(|| ready.body["detail"].as_str().unwrap().to_owned())
@@ -105,8 +107,7 @@ impl DamagedServer {
 /// Damages the files of a running server in one way, and checks its reaction, the next start, and the restored backup.
 async fn damage_stops_server(damage: impl Fn(&Path)) {
     let server = DamagedServer::start().await;
-    damage(&server.db());
-    let reason = server.wait_until_not_ready().await;
+    let reason = server.wait_until_not_ready(damage).await;
     assert!(reason.contains("is damaged"), "{reason}");
     assert!(reason.contains("The newest backup is monday.sqlite3 of 20"), "{reason}");
     server.assert_stopped().await;
@@ -150,7 +151,7 @@ async fn removed_files_stop_the_server() {
     for ending in ["", "-wal", "-shm"] {
         let server = DamagedServer::start().await;
         std::fs::remove_file(path_of(&server.db(), ending)).unwrap();
-        let reason = server.wait_until_not_ready().await;
+        let reason = server.wait_until_not_ready(|_| ()).await;
         assert!(reason.contains("was removed or replaced"), "{ending}: {reason}");
         server.assert_stopped().await;
     }
