@@ -227,7 +227,7 @@ def test_printed_commands_plan_trainings(tmp_path, monkeypatch):
         assert cli.main(shlex.split(command.removeprefix(EVIDENCE_COMMAND))) == 2
         assert {each.arm for each in planned[folder]} == arms
         assert {each.seed for each in planned[folder]} == seeds
-    assert [len(trainings) for trainings in planned.values()] == [6, len(runner.planned()), 60]
+    assert [len(trainings) for trainings in planned.values()] == [6, len(runner.planned()), 30]
 
 
 def test_trainings_with_other_budgets_are_refused_and_kept(tmp_path, capsys):
